@@ -132,6 +132,8 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   }
   EXPECT_GT(accepted, 5);
   expect_in(run("calibrate " + path("c.ring"), 2), "DRIVE");
+  expect_in(run(calibrate + path("town2") + " -o /nowhere/c.ring", 1),
+            "there is no folder /nowhere");
   expect_in(run(calibrate + path("town2") + " --target-precision 1", 2), "--target-precision");
   expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is correct");
   expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or incorrect");

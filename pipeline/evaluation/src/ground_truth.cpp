@@ -295,7 +295,7 @@ void add_near(const Dataset& dataset, size_t row, int near, std::set<int>& frame
 std::string ListedPairs::text() const {
   std::string text = complete ? "complete" : "";
   for (const auto& [kind, places] :
-       {std::pair("right", &correct), std::pair("neither", &ignored)}) {
+       {std::pair("correct", &correct), std::pair("ignored", &ignored)}) {
     text += str("\n", kind);
     for (const auto& [query, of_query] : *places)
       text += str(" ", query, ":", joined(of_query, ","));

@@ -138,10 +138,10 @@ void need_exclusion(const Task& task, const std::optional<Exclusion>& requested)
   const bool excludes =
       task.exclusion.kind != Exclusion::Kind::kNone && task.negatives_per_positive == 0;
   if (!excludes && !(requested && requested->kind == Exclusion::Kind::kNone))
-    throw UsageError("task ", task.name,
-                     ": with a list of pairs, temporal neighbors of a query would be ",
-                     "wrong matches; use the protocol online or leave-one-out, which exclude them ",
-                     "(or the exclusion none, if all scans show different places)");
+    throw UsageError(
+        "task ", task.name, ": with a list of pairs, temporal neighbors of a query would be ",
+        "incorrect matches; use the protocol online or leave-one-out, which exclude them ",
+        "(or the exclusion none, if all scans show different places)");
 }
 
 /// No metric is defined without positives.

@@ -159,6 +159,10 @@ void print(const Calibration& calibration, const std::vector<LabeledMatch>& matc
 }
 
 int calibrate(const CalibrateOptions& o) {
+  const fs::path& output = o.output.empty() ? o.model : o.output;
+  const fs::path folder = fs::absolute(output).parent_path();
+  if (!o.evaluate && !fs::is_directory(folder))  // first, because the evaluation may take hours
+    throw Error(output.string(), ": cannot create: there is no folder ", folder.string());
   RingModel model = read_ring_model(o.model);
   if (o.evaluate && !model.calibration)
     throw InputError(o.model.string() +
@@ -186,7 +190,7 @@ int calibrate(const CalibrateOptions& o) {
     model.calibration->radius = rule.radius;
     model.calibration->negative_radius = rule.negative_radius;
     model.calibration->trained_on = names;
-    write_ring_model(o.output.empty() ? o.model : o.output, model);
+    write_ring_model(output, model);
   }
   print(*model.calibration, matches, o.precision);
   return skipped > 0 ? kScansSkipped : kOk;

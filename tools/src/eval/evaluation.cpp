@@ -112,9 +112,10 @@ void print_notes(const Observer& observer, const Trajectory& trajectory,
         observer.note(lost);
   for (const TaskResult& task : result.tasks)
     if (constexpr int64_t kFew = 10; task.intervals && task.blocks.positive < kFew)
-      observer.warn(str(task.task.name, ": only ", task.blocks.positive, " of ", task.blocks.all,
+      observer.warn(str(task.task.name, ": ", task.blocks.positive, " of ", task.blocks.all,
                         " blocks have a query with a correct match, so the intervals are too "
-                        "narrow; give shorter blocks with --bootstrap"));
+                        "narrow (expected at least ",
+                        kFew, "); give shorter blocks with --bootstrap"));
 }
 
 FinishedEvaluation write_run_folder(const RunContext& context, EvaluationResult&& result,

@@ -77,7 +77,7 @@ void FeatureOptions::declare_describing(Options& options, Scans scans) {
                           "image), vfh, esf, grsd, "
                           "scan-context, m2dp") +
                   (of_drives ? ", fabmap (camera images)" : "") + " (default " + feature +
-                  ", or cnn with --model or --end)",
+                  ", or cnn with --model, --end or --mean)",
               &feature)
       .suggest(names)
       .common(of_drives);
