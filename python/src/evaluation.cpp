@@ -132,9 +132,9 @@ void bind_labels(nb::module_& module) {
       .def_ro("extended_precision", &PrSummary::extended_precision);
   nb::class_<PrIntervals> intervals(module, "PrIntervals",
                                     "Confidence intervals of a PrSummary, as (low, high).");
-  const auto interval = [&](const char* name, Interval PrIntervals::*field) {
+  const auto interval = [&](const char* name, std::array<double, 2> PrIntervals::*field) {
     intervals.def_prop_ro(name, [field](const PrIntervals& self) {
-      return std::pair((self.*field).low, (self.*field).high);
+      return std::pair((self.*field)[0], (self.*field)[1]);
     });
   };
   interval("f1_max", &PrIntervals::f1_max);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <numbers>
+#include <tuple>
 
 #include "revisit/base/text.h"
 #include "revisit/datasets/observer.h"
@@ -60,7 +61,7 @@ void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationO
   const auto resamples = resampling(task, trajectory, options, stop);
   if (!resamples) return;
   result.intervals = bootstrap(result.labels, task.rejected_only, *resamples);
-  result.blocks =
+  std::tie(result.n_blocks, result.n_positive_blocks) =
       count_blocks(*resamples, [&](size_t query) { return result.labels[query].positive; });
 }
 
@@ -192,7 +193,8 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
     result.curve = std::move(pairs.curve);
     result.summary = pairs.summary;
     result.intervals = pairs.intervals;
-    result.blocks = pairs.blocks;
+    result.n_blocks = pairs.n_blocks;
+    result.n_positive_blocks = pairs.n_positive_blocks;
     result.histogram = pairs.histogram;
     return result;
   }

@@ -1,5 +1,6 @@
 #include <numeric>
 #include <random>
+#include <tuple>
 
 #include "ballots.h"
 #include "revisit/engine/parallel_for.h"
@@ -226,8 +227,8 @@ TaskResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   }
   if (options.bootstrap) {
     result.intervals = resample(ballots, *options.bootstrap);
-    result.blocks = count_blocks(*options.bootstrap,
-                                 [&](size_t query) { return selection.n_correct[query] > 0; });
+    std::tie(result.n_blocks, result.n_positive_blocks) = count_blocks(
+        *options.bootstrap, [&](size_t query) { return selection.n_correct[query] > 0; });
     result.intervals->recall_at_1 = {kNotComputed, kNotComputed};
   }
   result.curve = curve_of(ballots, kMaxPoints);

@@ -149,8 +149,8 @@ double quantile(const std::vector<double>& sorted, double share) {
   return sorted[below] + (at - static_cast<double>(below)) * (sorted[above] - sorted[below]);
 }
 
-Interval percentiles(const std::vector<Metrics>& resamples, double Metrics::*member,
-                     double confidence) {
+std::array<double, 2> percentiles(const std::vector<Metrics>& resamples, double Metrics::*member,
+                                  double confidence) {
   std::vector<double> values;
   for (const Metrics& metrics : resamples)
     if (!std::isnan(metrics.*member)) values.push_back(metrics.*member);
@@ -161,8 +161,8 @@ Interval percentiles(const std::vector<Metrics>& resamples, double Metrics::*mem
 
 }  // namespace
 
-BlockCounts count_blocks(const BootstrapOptions& options,
-                         const std::function<bool(size_t query)>& is_positive) {
+std::pair<int64_t, int64_t> count_blocks(const BootstrapOptions& options,
+                                         const std::function<bool(size_t query)>& is_positive) {
   std::set<int64_t> all, positive;
   for (size_t query = 0; query < options.blocks.size(); ++query) {
     all.insert(options.blocks[query]);
@@ -203,7 +203,7 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
   const size_t n_queries = ballots.positives.size();
   check(options, n_queries);
   const Blocks blocks(options.blocks);
-  constexpr Interval kNone{kNotComputed, kNotComputed};
+  constexpr std::array<double, 2> kNone{kNotComputed, kNotComputed};
   if (blocks.names.size() < 2) return {kNone, kNone, kNone, kNone, kNone};
   const int n_batches = (options.resamples + kLanes - 1) / kLanes;
   std::vector<Metrics> resamples(static_cast<size_t>(n_batches) * kLanes);

@@ -5,7 +5,7 @@
 namespace revisit {
 namespace {
 
-constexpr Interval PrIntervals::*kAll[] = {
+constexpr std::array<double, 2> PrIntervals::*kAll[] = {
     &PrIntervals::f1_max, &PrIntervals::average_precision, &PrIntervals::recall_at_1,
     &PrIntervals::max_recall_at_precision_1, &PrIntervals::extended_precision};
 
@@ -25,8 +25,8 @@ std::vector<MatchLabel> random_verdicts(size_t n, unsigned seed, unsigned n_scor
 
 void expect_same(const PrIntervals& a, const PrIntervals& b) {
   for (const auto member : kAll) {
-    EXPECT_EQ((a.*member).low, (b.*member).low);
-    EXPECT_EQ((a.*member).high, (b.*member).high);
+    EXPECT_EQ((a.*member)[0], (b.*member)[0]);
+    EXPECT_EQ((a.*member)[1], (b.*member)[1]);
   }
 }
 
@@ -75,12 +75,12 @@ TEST(Bootstrap, IntervalOfAShareIsTheBinomialOne) {
   std::vector<MatchLabel> labels(400, {0.5, false, true});
   for (size_t i = 0; i < 100; ++i) labels[4 * i] = {1, true, true};
   const PrIntervals ci = bootstrap(labels, false, {.blocks = singles(labels), .resamples = 20000});
-  EXPECT_NEAR(ci.recall_at_1.low, 0.25 - 0.04243, 0.0025);  // one query is 0.0025
-  EXPECT_NEAR(ci.recall_at_1.high, 0.25 + 0.04243, 0.0025);
+  EXPECT_NEAR(ci.recall_at_1[0], 0.25 - 0.04243, 0.0025);  // one query is 0.0025
+  EXPECT_NEAR(ci.recall_at_1[1], 0.25 + 0.04243, 0.0025);
   const PrIntervals two_thirds = bootstrap(
       labels, false, {.blocks = singles(labels), .resamples = 20000, .confidence = 0.6827});
-  EXPECT_NEAR(two_thirds.recall_at_1.low, 0.25 - 0.02165, 0.0025);
-  EXPECT_NEAR(two_thirds.recall_at_1.high, 0.25 + 0.02165, 0.0025);
+  EXPECT_NEAR(two_thirds.recall_at_1[0], 0.25 - 0.02165, 0.0025);
+  EXPECT_NEAR(two_thirds.recall_at_1[1], 0.25 + 0.02165, 0.0025);
 }
 
 TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
@@ -92,24 +92,24 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
                      {.blocks = singles(labels), .resamples = 2000, .confidence = confidence})
         .recall_at_1;
   };
-  EXPECT_EQ(at(0.4).low, 0.5);
-  EXPECT_EQ(at(0.4).high, 0.5);
-  EXPECT_EQ(at(0.6).low, 0);
-  EXPECT_EQ(at(0.6).high, 1);
+  EXPECT_EQ(at(0.4)[0], 0.5);
+  EXPECT_EQ(at(0.4)[1], 0.5);
+  EXPECT_EQ(at(0.6)[0], 0);
+  EXPECT_EQ(at(0.6)[1], 1);
   // Two resamples have the ends between them: at 50 %, a quarter of the way from either.
   int apart = 0;
   for (uint64_t seed = 1; seed < 20; ++seed) {
-    const Interval all =
+    const std::array<double, 2> all =
         bootstrap(labels, false,
                   {.blocks = singles(labels), .resamples = 2, .confidence = 1 - 1e-9, .seed = seed})
             .recall_at_1;
-    const Interval half =
+    const std::array<double, 2> half =
         bootstrap(labels, false,
                   {.blocks = singles(labels), .resamples = 2, .confidence = 0.5, .seed = seed})
             .recall_at_1;
-    apart += all.high - all.low > 0.4 ? 1 : 0;
-    EXPECT_NEAR(half.low, 0.75 * all.low + 0.25 * all.high, 1e-8);
-    EXPECT_NEAR(half.high, 0.25 * all.low + 0.75 * all.high, 1e-8);
+    apart += all[1] - all[0] > 0.4 ? 1 : 0;
+    EXPECT_NEAR(half[0], 0.75 * all[0] + 0.25 * all[1], 1e-8);
+    EXPECT_NEAR(half[1], 0.25 * all[0] + 0.75 * all[1], 1e-8);
   }
   EXPECT_GT(apart, 5);
 }
@@ -128,13 +128,13 @@ TEST(Bootstrap, QueriesOfABlockAreDrawnTogether) {
                      {.blocks = of_queries, .resamples = 20000, .confidence = 0.6827})
         .recall_at_1;
   };
-  EXPECT_NEAR(recall(blocks).low, 0.25 - 0.0968, 0.051);  // one block is 0.05
-  EXPECT_NEAR(recall(blocks).high, 0.25 + 0.0968, 0.051);
-  EXPECT_NEAR(recall(singles(labels)).low, 0.25 - 0.0217, 0.0026);
-  const BlockCounts counts =
+  EXPECT_NEAR(recall(blocks)[0], 0.25 - 0.0968, 0.051);  // one block is 0.05
+  EXPECT_NEAR(recall(blocks)[1], 0.25 + 0.0968, 0.051);
+  EXPECT_NEAR(recall(singles(labels))[0], 0.25 - 0.0217, 0.0026);
+  const auto [blocks_in_all, positive_blocks] =
       count_blocks({.blocks = blocks}, [](size_t query) { return query == 0; });
-  EXPECT_EQ(counts.all, 20);
-  EXPECT_EQ(counts.positive, 1);
+  EXPECT_EQ(blocks_in_all, 20);
+  EXPECT_EQ(positive_blocks, 1);
 }
 
 /// Scans every `step` meters along KITTI's z.
@@ -179,9 +179,9 @@ TEST(Bootstrap, SameForAnyNumberOfThreads) {
   expect_same(one, with(1, 3));
   expect_same(one, with(1, 1));
   const PrIntervals other = with(2, 1);
-  EXPECT_NE(one.average_precision.low, other.average_precision.low);
+  EXPECT_NE(one.average_precision[0], other.average_precision[0]);
   const PrIntervals large = with((1ULL << 32) + 2, 1);  // all bits of a seed count
-  EXPECT_NE(large.average_precision.low, other.average_precision.low);
+  EXPECT_NE(large.average_precision[0], other.average_precision[0]);
 }
 
 TEST(Bootstrap, PerfectAndHopelessHaveNoWidth) {
@@ -190,10 +190,10 @@ TEST(Bootstrap, PerfectAndHopelessHaveNoWidth) {
   const PrIntervals hopeless =
       bootstrap({{3, false, true}, {2, false, true}}, false, {.blocks = {0, 1}});
   for (const auto member : kAll) {
-    EXPECT_EQ((perfect.*member).low, 1);
-    EXPECT_EQ((perfect.*member).high, 1);
-    EXPECT_EQ((hopeless.*member).low, 0);
-    EXPECT_EQ((hopeless.*member).high, 0);
+    EXPECT_EQ((perfect.*member)[0], 1);
+    EXPECT_EQ((perfect.*member)[1], 1);
+    EXPECT_EQ((hopeless.*member)[0], 0);
+    EXPECT_EQ((hopeless.*member)[1], 0);
   }
 }
 
@@ -205,8 +205,8 @@ TEST(Bootstrap, WithoutPositivesAndOfOneBlockNothingIsComputed) {
                                        {found, {5, 5}}}) {
     const PrIntervals none = bootstrap(labels, false, {.blocks = blocks});
     for (const auto member : kAll) {
-      EXPECT_TRUE(std::isnan((none.*member).low));
-      EXPECT_TRUE(std::isnan((none.*member).high));
+      EXPECT_TRUE(std::isnan((none.*member)[0]));
+      EXPECT_TRUE(std::isnan((none.*member)[1]));
     }
   }
 }

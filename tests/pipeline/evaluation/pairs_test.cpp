@@ -253,11 +253,11 @@ TEST(Pairs, SameForAnyNumberOfThreads) {
   const TaskResult three = evaluate_pairs(task, drive, {m}, options);
   EXPECT_EQ(last, static_cast<int64_t>(task.queries.size()));
   EXPECT_EQ(one.summary.average_precision, three.summary.average_precision);
-  EXPECT_EQ(one.intervals->average_precision.low, three.intervals->average_precision.low);
-  EXPECT_EQ(one.intervals->f1_max.high, three.intervals->f1_max.high);
-  EXPECT_LT(one.intervals->average_precision.low, one.summary.average_precision);
-  EXPECT_GT(one.intervals->average_precision.high, one.summary.average_precision);
-  EXPECT_TRUE(std::isnan(one.intervals->recall_at_1.low));
+  EXPECT_EQ(one.intervals->average_precision[0], three.intervals->average_precision[0]);
+  EXPECT_EQ(one.intervals->f1_max[1], three.intervals->f1_max[1]);
+  EXPECT_LT(one.intervals->average_precision[0], one.summary.average_precision);
+  EXPECT_GT(one.intervals->average_precision[1], one.summary.average_precision);
+  EXPECT_TRUE(std::isnan(one.intervals->recall_at_1[0]));
   EXPECT_EQ(one.histogram->of_correct, three.histogram->of_correct);
 }
 
@@ -280,8 +280,8 @@ TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
   // The original sample: 1.0: tp 2; 0: tp 3, fp 3: AP = 2/3 + 1/3 * 1/2 = 5/6. The first query
   // twice: 1.
   EXPECT_DOUBLE_EQ(result.summary.average_precision, 5.0 / 6);
-  EXPECT_DOUBLE_EQ(result.intervals->average_precision.low, 5.0 / 6);
-  EXPECT_DOUBLE_EQ(result.intervals->average_precision.high, 1);
+  EXPECT_DOUBLE_EQ(result.intervals->average_precision[0], 5.0 / 6);
+  EXPECT_DOUBLE_EQ(result.intervals->average_precision[1], 1);
 }
 
 TEST(Pairs, CurveIsThinned) {

@@ -111,8 +111,8 @@ void print_notes(const Observer& observer, const Trajectory& trajectory,
       if (const std::string lost = listed_but_not_asked(*trajectory.listed, task); !lost.empty())
         observer.note(lost);
   for (const TaskResult& task : result.tasks)
-    if (constexpr int64_t kFew = 10; task.intervals && task.blocks.positive < kFew)
-      observer.warn(str(task.task.name, ": ", task.blocks.positive, " of ", task.blocks.all,
+    if (constexpr int64_t kFew = 10; task.intervals && task.n_positive_blocks < kFew)
+      observer.warn(str(task.task.name, ": ", task.n_positive_blocks, " of ", task.n_blocks,
                         " blocks have a query with a correct match, so the intervals are too "
                         "narrow (expected at least ",
                         kFew, "); give shorter blocks with --bootstrap"));

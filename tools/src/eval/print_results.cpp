@@ -14,8 +14,8 @@
 namespace revisit::cli {
 namespace {
 
-std::string interval(const Interval& i) {
-  return std::isnan(i.low) ? "" : number(i.low, 3) + "-" + number(i.high, 3);
+std::string interval(const std::array<double, 2>& i) {
+  return std::isnan(i[0]) ? "" : number(i[0], 3) + "-" + number(i[1], 3);
 }
 
 void print_loops(std::ostream& out, const AcceptedLoops& loops) {
@@ -92,7 +92,7 @@ void print_summary(std::ostream& out, const std::vector<TaskResult>& results, in
   if (resamples == 0 || results.empty()) return;
   out << "95 %: confidence intervals from " << resamples << " block resamples of the queries (";
   for (const TaskResult& r : results)
-    out << (&r == results.data() ? "" : ", ") << r.blocks.all << (results.size() > 1 ? " of " : "")
+    out << (&r == results.data() ? "" : ", ") << r.n_blocks << (results.size() > 1 ? " of " : "")
         << (results.size() > 1 ? r.task.name : "");
   out << (results.size() > 1 ? ")\n" : " blocks)\n");
 }

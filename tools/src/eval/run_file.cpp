@@ -257,7 +257,7 @@ reports::Metrics metrics_of(const TaskResult& result, int resamples) {
   metrics.set_score(name_of(result.score));
   metrics.set_query_case(result.query_case);
   metrics.set_n_skipped(static_cast<int>(result.n_skipped));
-  if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.blocks.all);
+  if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.n_blocks);
   if (result.loops) set_loops(*result.loops, *metrics.mutable_loops());
   if (result.perturbed) set_perturbed(*result.perturbed, metrics);
   return metrics;
@@ -267,10 +267,11 @@ void add_intervals(reports::Metrics& metrics, const PrIntervals& intervals, int 
                    int64_t n_blocks) {
   metrics.set_bootstrap_resamples(resamples);
   metrics.set_bootstrap_blocks(static_cast<int>(n_blocks));
-  const auto add = [&](void (reports::Metrics::*adder)(double), const Interval& interval) {
-    if (std::isnan(interval.low)) return;
-    (metrics.*adder)(interval.low);
-    (metrics.*adder)(interval.high);
+  const auto add = [&](void (reports::Metrics::*adder)(double),
+                       const std::array<double, 2>& interval) {
+    if (std::isnan(interval[0])) return;
+    (metrics.*adder)(interval[0]);
+    (metrics.*adder)(interval[1]);
   };
   add(&reports::Metrics::add_f1_max_ci, intervals.f1_max);
   add(&reports::Metrics::add_average_precision_ci, intervals.average_precision);

@@ -76,9 +76,9 @@ struct TaskResult {
   std::vector<PrPoint> curve;
   PrSummary summary;
   std::optional<PrIntervals> intervals;
-  BlockCounts blocks;
-  std::optional<ScoreHistogram> histogram;  // if the decision is per pair
-  std::string query_case;                   // none, case1, case2 or both
+  int64_t n_blocks = 0, n_positive_blocks = 0;  // count_blocks()
+  std::optional<ScoreHistogram> histogram;      // if the decision is per pair
+  std::string query_case;                       // none, case1, case2 or both
   std::string pca_fit;
   int64_t descriptor_dim = 0;
   std::optional<AcceptedLoops> loops;  // in driving order, with a threshold

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "revisit/evaluation/protocols.h"
@@ -75,18 +77,9 @@ struct BootstrapOptions {
   std::function<bool()> stop;  // true: throw Interrupted
 };
 
-struct BlockCounts {
-  int64_t all = 0;
-  int64_t positive =
-      0;  // with a query that has a correct match; they decide the width of intervals
-};
-
-BlockCounts count_blocks(const BootstrapOptions& options,
-                         const std::function<bool(size_t query)>& is_positive);
-
-struct Interval {
-  double low = 0, high = 0;  // NaN: not computed
-};
+/// Number of blocks, and of those with a positive query, which decide the width of intervals.
+std::pair<int64_t, int64_t> count_blocks(const BootstrapOptions& options,
+                                         const std::function<bool(size_t query)>& is_positive);
 
 /// Default length of a block: 100 m driven, beyond which errors are almost uncorrelated. Without
 /// poses 50 frames, as in the default Exclusion: about 50 m of KITTI, 100 m of keyframes 2 m apart.
@@ -99,8 +92,10 @@ inline constexpr Exclusion kBlockOfFrames{Exclusion::Kind::kFrames, 50};
 std::vector<int64_t> blocks_of(const Task& task, const Trajectory& trajectory,
                                const std::optional<Exclusion>& length = {});
 
+/// Lower and upper bounds; NaN: not computed.
 struct PrIntervals {
-  Interval f1_max, average_precision, recall_at_1, max_recall_at_precision_1, extended_precision;
+  std::array<double, 2> f1_max, average_precision, recall_at_1, max_recall_at_precision_1,
+      extended_precision;
 };
 
 /// Resamples without a positive are skipped. With a single block nothing is computed. The intervals
