@@ -16,7 +16,7 @@
 #include "revisit/base/error.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/place_index.h"
-#include "revisit/recognition/ring/descriptor.h"
+#include "ring/describer.h"
 
 namespace {
 
@@ -91,8 +91,8 @@ std::vector<float> gaussians(size_t count) {
 
 void turn(std::span<float> x, const RingLayout& layout, double angle) {
   size_t at = 0;
-  for (size_t f = 0; f < layout.counts.size(); ++f) {
-    const auto n = size_t(layout.counts[f]);
+  for (size_t f = 0; f < layout.size(); ++f) {
+    const auto n = size_t(layout[f]);
     const auto c = float(std::cos(angle * double(f))), s = float(std::sin(angle * double(f)));
     for (size_t i = at; f > 0 && i < at + n; ++i) {
       const float real = x[i], imaginary = x[n + i];
@@ -104,7 +104,7 @@ void turn(std::span<float> x, const RingLayout& layout, double angle) {
 }
 
 FloatMatrix descriptors_of(const RingMap& map, int64_t n) {
-  const auto d = size_t(map.layout.dim());
+  const auto d = size_t(dim_of(map.layout));
   const auto real = std::min(n, int64_t(map.entries.size()));
   FloatMatrix all(n, int64_t(d));
   std::vector<double> squares(d);

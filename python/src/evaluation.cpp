@@ -165,8 +165,12 @@ void bind_labels(nb::module_& module) {
         Listener listener;
         return listener.run([&] {
           return bootstrap(labels, parse_missed(missed),
-                           {blocks_from(blocks, labels.size()), resamples, confidence, seed,
-                            threads, [&] { return listener.stop(); }});
+                           {.blocks = blocks_from(blocks, labels.size()),
+                            .resamples = resamples,
+                            .confidence = confidence,
+                            .seed = seed,
+                            .threads = threads,
+                            .stop = [&] { return listener.stop(); }});
         });
       },
       "labels"_a, "missed"_a = "not-found", nb::kw_only(),
@@ -348,12 +352,9 @@ void bind_matching(nb::module_& module) {
         const Descriptors descriptors = descriptors_from(array);
         Listener listener;
         return listener.run([&] {
-          PairOptions options{.threads = threads, .stop = [&] { return listener.stop(); }};
-          if (resamples > 0)
-            options.bootstrap = {.blocks = blocks_of(task, trajectory, block_length(block)),
-                                 .resamples = resamples,
-                                 .threads = threads,
-                                 .stop = options.stop};
+          BootstrapOptions options{
+              .resamples = resamples, .threads = threads, .stop = [&] { return listener.stop(); }};
+          if (resamples > 0) options.blocks = blocks_of(task, trajectory, block_length(block));
           return evaluate_pairs(task, trajectory, descriptors, options);
         });
       },

@@ -63,7 +63,7 @@ void bind_registration(nb::module_& module) {
             without_lock([&] { new (self) PreparedScan(cloud, options); });
           },
           "points"_a, "options"_a = RegistrationOptions())
-      .def("__len__", &PreparedScan::size)
+      .def("__len__", [](const PreparedScan& scan) { return scan.points().size(); })
       .def_prop_ro(
           "points", [](nb::handle self) { return rows_of(&PreparedScan::points, self); },
           "Points in the sensor's frame, float32 [n][3] [m], read-only.")

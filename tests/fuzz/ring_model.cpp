@@ -19,17 +19,15 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   file.set_checksum(checksum);
   fuzz::works_or_refuses([&] {
     const RingModel model = parse_ring_model(file.SerializeAsString(), "<case>");
-    const RingDescriber describer(model, {.dim = 64});
-    const auto dim = static_cast<size_t>(describer.layout().dim());
-    fuzz::require(dim <= 64, "at most the dimensions asked for");
+    const Projection projection = ring_projection(model, {.dim = 64});
+    fuzz::require(projection.dim <= 64, "at most the dimensions asked for");
     // As the basis of a map, it describes that map's scans.
     const std::vector<float> rings(static_cast<size_t>(model.dim()), 0.5F);
-    std::vector<float> descriptor(dim);
-    describer.describe(rings, descriptor);
+    std::vector<float> descriptor(static_cast<size_t>(projection.dim));
+    projection.describe(rings, descriptor);
     fuzz::require(std::ranges::all_of(descriptor, [](float v) { return std::isfinite(v); }),
                   "descriptors are finite");
-    const double similarity =
-        ring_comparison(describer.layout()).similarity_of(descriptor, descriptor);
+    const double similarity = projection.comparison.similarity_of(descriptor, descriptor);
     fuzz::require(similarity >= -1.001 && similarity <= 1.001, "a similarity is a cosine");
   });
   return 0;

@@ -124,39 +124,10 @@ struct Word {
   }
 };
 
-void check(const FabMapOptions& o) {
-  const auto is_probability = [](double p) { return p >= 0 && p <= 1; };
-  if (!is_probability(o.smoothing) || !(o.p_new_place > 0 && o.p_new_place < 1))
-    throw UsageError(
-        "FAB-MAP: expected a smoothing of 0 to 1 and a probability of a new place "
-        "between them, found ",
-        o.smoothing, " and ", o.p_new_place);
-  if (!is_probability(o.p_detected_if_absent) || !(o.p_detected_if_present < 1) ||
-      !(o.p_detected_if_present > o.p_detected_if_absent))
-    throw UsageError(
-        "FAB-MAP: expected a detector that detects a word more often if it is "
-        "present, but not always; found p = ",
-        o.p_detected_if_present, " if present and ", o.p_detected_if_absent, " if absent");
-}
-
-void check(const ChowLiuTree& tree) {
-  const size_t words = tree.parent.size();
-  bool good = words > 0 && tree.marginal.size() == words && tree.given_parent.size() == words;
-  const auto inside = [](double p) { return p > 0 && p < 1; };
-  for (size_t i = 0; good && i < words; ++i)
-    good = tree.parent[i] >= -1 && tree.parent[i] < static_cast<int>(words) &&
-           inside(tree.marginal[i]) && inside(tree.given_parent[i][0]) &&
-           inside(tree.given_parent[i][1]);
-  if (!good)
-    throw UsageError("FAB-MAP: the Chow-Liu tree has probabilities that are not between 0 and 1");
-}
-
 }  // namespace
 
 FabMap::FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples)
     : options_(options), samples_(samples) {
-  check(options);
-  check(tree);
   for (size_t i = 0; i < tree.parent.size(); ++i) {
     const Word word{tree.marginal[i],
                     tree.given_parent[i],
@@ -165,8 +136,6 @@ FabMap::FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const Floa
                       {word.table(word.there_if(0)), word.table(word.there_if(1))},
                       word.table(word.marginal)});
   }
-  if (samples.n > 0 && samples.d != words())
-    throw UsageError("FAB-MAP: expected samples of ", words(), " words, found ", samples.d);
 }
 
 double FabMap::term(const Table& table, size_t word, std::span<const float> seen) const {

@@ -1,9 +1,12 @@
 #pragma once
 
 #include <array>
+#include <filesystem>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "revisit/datasets/describe.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/range_image.h"
 
@@ -32,8 +35,7 @@ struct FabMapOptions {
 class FabMap {
  public:
   /// With `samples` (images of other places) the likelihood of a new place is their mean, else that
-  /// of the average place. Throws UsageError for an invalid tree, options that are not
-  /// probabilities, an uninformative detector, and samples with another number of words.
+  /// of the average place.
   FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples = {});
 
   int words() const { return static_cast<int>(terms_.size()); }
@@ -62,6 +64,24 @@ class FabMap {
   std::vector<WordTerms> terms_;  // [words]
   FloatMatrix samples_;
 };
+
+struct TrainingOptions {
+  int words = 400;
+  int images = 400;              // training images, evenly spaced
+  int64_t descriptors = 60'000;  // clustered, evenly spaced over those images
+  uint64_t seed = 1;
+  int threads = 1;
+  Observer observer = {};
+};
+
+struct WordModel {
+  FloatMatrix vocabulary;  // [words][128]
+  FloatMatrix images;      // [images][words], for the Chow-Liu tree
+  std::string key;         // identifies the training data and options
+};
+WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options,
+                           const std::filesystem::path& folder);
+FeatureExtractor word_features(const WordModel& model, bool sampled);
 
 // These functions throw UsageError in a build without OpenCV.
 

@@ -25,11 +25,12 @@ std::vector<int64_t> spread(int64_t total, int64_t count) {
 std::vector<FloatMatrix> describe_images(const Dataset& images, const std::vector<int64_t>& chosen,
                                          const TrainingOptions& options) {
   const auto n = static_cast<int64_t>(chosen.size());
+  const Progress progress = options.observer.stage("training words", "images");
   std::vector<FloatMatrix> descriptors(chosen.size());
   const int64_t block = int64_t{options.threads} * 4;
   for (int64_t first = 0; first < n; first += block) {
-    if (options.progress) options.progress(first, n);
-    if (options.stop && options.stop()) throw Interrupted("stopped while training visual words");
+    progress(first, n);
+    if (options.observer.stop()) throw Interrupted("stopped while training visual words");
     const int64_t end = std::min(n, first + block);
     parallel_for(end - first, options.threads, [&](int64_t item) {
       const auto at = static_cast<size_t>(first + item);
@@ -37,7 +38,7 @@ std::vector<FloatMatrix> describe_images(const Dataset& images, const std::vecto
       descriptors[at] = sift_descriptors(read_gray_png(image.file));
     });
   }
-  if (options.progress) options.progress(n, n);
+  progress(n, n);
   return descriptors;
 }
 
@@ -55,10 +56,7 @@ FloatMatrix sample(const std::vector<FloatMatrix>& images, int64_t count) {
 
 FloatMatrix read_matrix(const fs::path& file) {
   const FeatureFile rows(file);
-  FloatMatrix matrix(rows.n(), rows.d());
-  for (int64_t i = 0; i < rows.n(); ++i)
-    std::copy_n(rows.row(i).data(), rows.d(), matrix.row(i).begin());
-  return matrix;
+  return rows.matrix(0, rows.n(), rows.d());
 }
 
 void write_matrix(const fs::path& file, const std::string& key, const FloatMatrix& matrix) {
@@ -105,7 +103,7 @@ WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options
   return model;
 }
 
-FeatureExtractor fabmap_features(const WordModel& model, bool sampled) {
+FeatureExtractor word_features(const WordModel& model, bool sampled) {
   const auto shared = std::make_shared<const WordModel>(model);
   const auto map = std::make_shared<const FabMap>(chow_liu_tree(model.images), FabMapOptions(),
                                                   sampled ? model.images : FloatMatrix());
@@ -123,6 +121,12 @@ FeatureExtractor fabmap_features(const WordModel& model, bool sampled) {
       [map](std::span<const float> query, std::span<const std::span<const float>> places,
             std::span<double> similarities) { map->posterior(query, places, similarities); };
   return extractor;
+}
+
+FeatureExtractor fabmap_features(const Dataset& images, bool sampled, const fs::path& folder,
+                                 int threads, const Observer& observer) {
+  const TrainingOptions options{.threads = threads, .observer = observer};
+  return word_features(train_vocabulary(images, options, folder), sampled);
 }
 
 }  // namespace revisit

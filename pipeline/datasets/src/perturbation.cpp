@@ -114,7 +114,7 @@ double elevation_of(const Point& p) {
 
 void keep_every_beam(std::vector<Point>& points, int n) {
   constexpr int kRows = 64;
-  const Beams found = find_beams({PointCloud{points}});
+  const SensorFound found = find_beams({PointCloud{points}});
   std::vector<double> borders;  // [deg], between two beams, lowest first
   if (found.elevations.empty()) {
     for (int i = 1; i < kRows; ++i)

@@ -3,15 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "revisit/base/error.h"
 #include "revisit/evaluation/precision_recall.h"
 
 namespace revisit {
-
-inline constexpr double kNotComputed = std::numeric_limits<double>::quiet_NaN();
 
 template <class Score>
 struct Ballot {
@@ -49,15 +46,11 @@ struct Ballots {
 template <int kLanes>
 using Weights = std::vector<std::array<uint32_t, kLanes>>;
 
-struct Metrics {
-  double f1_max = kNotComputed, average_precision = kNotComputed, recall_at_1 = kNotComputed,
-         max_recall_at_precision_1 = kNotComputed, extended_precision = kNotComputed;
-  int64_t f1_max_at = -1;
-};
-
-/// Computes kLanes resamples in one pass. The weights of a resample sum to less than 2^32.
+/// Computes metrics of kLanes resamples in one pass, without counts. The weights of a resample sum
+/// to less than 2^32.
 template <int kLanes, class Score>
-std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights<kLanes>& weights) {
+std::array<PrSummary, kLanes> measure(const Ballots<Score>& ballots,
+                                      const Weights<kLanes>& weights) {
   using Counts = std::array<uint32_t, kLanes>;
   Counts positives{}, sought{}, tp{}, fp{}, accepted_positives{};
   const auto add = [](Counts& to, const Counts& weight) {
@@ -117,19 +110,20 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
     recall_changed = false;
   }
 
-  std::array<Metrics, kLanes> metrics;
+  std::array<PrSummary, kLanes> summaries;
   for (int i = 0; i < kLanes; ++i) {
-    Metrics& of_lane = metrics[i];
-    if (sought[i] > 0) of_lane.recall_at_1 = static_cast<double>(tp[i]) / sought[i];
+    PrSummary& summary = summaries[i];
+    if (sought[i] > 0) summary.recall_at_1 = static_cast<double>(tp[i]) / sought[i];
     if (positives[i] == 0) continue;
     const Lane& lane = lanes[i];
-    of_lane.f1_max = std::max(lane.f1_max, 0.0);
-    of_lane.average_precision = lane.average_precision;
-    of_lane.max_recall_at_precision_1 = lane.max_recall_at_precision_1;
-    of_lane.extended_precision = (lane.first_precision + lane.max_recall_at_precision_1) / 2;
-    of_lane.f1_max_at = lane.f1_max_at;
+    summary.f1_max = std::max(lane.f1_max, 0.0);
+    if (lane.f1_max_at >= 0)
+      summary.f1_max_threshold = static_cast<double>(ballots.by_score[lane.f1_max_at].score);
+    summary.average_precision = lane.average_precision;
+    summary.max_recall_at_precision_1 = lane.max_recall_at_precision_1;
+    summary.extended_precision = (lane.first_precision + lane.max_recall_at_precision_1) / 2;
   }
-  return metrics;
+  return summaries;
 }
 
 /// `max_points` > 0 limits the curve to about that number of points, evenly spaced in recall:
@@ -176,18 +170,7 @@ std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points 
 /// The caller sets the counts of queries.
 template <class Score>
 PrSummary summary_of(const Ballots<Score>& ballots) {
-  const Weights<1> once(ballots.positives.size(), {1});
-  const Metrics metrics = measure<1>(ballots, once)[0];
-  PrSummary summary;
-  summary.f1_max = metrics.f1_max;
-  summary.f1_max_threshold = metrics.f1_max_at < 0
-                                 ? kNotComputed
-                                 : static_cast<double>(ballots.by_score[metrics.f1_max_at].score);
-  summary.average_precision = metrics.average_precision;
-  summary.recall_at_1 = metrics.recall_at_1;
-  summary.max_recall_at_precision_1 = metrics.max_recall_at_precision_1;
-  summary.extended_precision = metrics.extended_precision;
-  return summary;
+  return measure<1>(ballots, Weights<1>(ballots.positives.size(), {1}))[0];
 }
 
 Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, bool rejected_only);

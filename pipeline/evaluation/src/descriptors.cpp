@@ -8,9 +8,17 @@
 #include "revisit/base/hash.h"
 #include "revisit/base/text.h"
 #include "revisit/recognition/feature_file.h"
-#include "task_descriptors.h"
 
 namespace revisit {
+
+std::vector<int64_t> skipped_rows(DatasetFeatures& case1, DatasetFeatures* case2) {
+  std::vector<int64_t> rows = case1.skipped();
+  if (!case2) return rows;
+  std::vector<int64_t> all;
+  std::ranges::set_union(rows, case2->skipped(), std::back_inserter(all));
+  return all;
+}
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -26,17 +34,7 @@ FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
   if (gigabytes > memory_gb)
     throw UsageError("memory: ", file.path().string(), " takes ", gigabytes, " GB, more than the ",
                      memory_gb, " allowed");
-  FloatMatrix matrix(file.n(), file.d());
-  for (int64_t i = 0; i < file.n(); ++i) file.read(i, 0, file.d(), matrix.row(i).data());
-  return matrix;
-}
-
-std::vector<int64_t> skipped_of(DatasetFeatures& case1, DatasetFeatures* case2) {
-  std::vector<int64_t> rows = case1.skipped();
-  if (!case2) return rows;
-  std::vector<int64_t> all;
-  std::ranges::set_union(rows, case2->skipped(), std::back_inserter(all));
-  return all;
+  return file.matrix(0, file.n(), file.d());
 }
 
 /// Zeros make a scan that could not be described dissimilar to all, also after a projection.
@@ -76,12 +74,6 @@ fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t 
                      ".features");
 }
 
-FloatMatrix read_rows(const FeatureFile& file, int64_t first, int64_t count, int64_t columns) {
-  FloatMatrix part(count, columns);
-  for (int64_t i = 0; i < count; ++i) file.read(first + i, 0, columns, part.row(i).data());
-  return part;
-}
-
 void write_rows(FeatureWriter& writer, const FloatMatrix& rows, int64_t first) {
   for (int64_t i = std::max<int64_t>(0, writer.rows_written() - first); i < rows.n; ++i)
     writer.append(rows.row(i));
@@ -109,47 +101,29 @@ void check_finite(const Descriptors& descriptors) {
   if (descriptors.case2) check_finite(*descriptors.case2, 2);
 }
 
-TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case1,
-                                 DatasetFeatures* case2, fs::path cache, const Observer& observer)
-    : options_(std::move(options)), case1_(case1), case2_(case2), observer_(observer) {
-  const bool learns = options_.fit_on == "all" || options_.fit_on == "map";
-  if (learns && options_.components >= 0 && !case1.extractor().fit_projection)
-    cache_ = std::move(cache);
-}
+namespace {
 
-std::vector<int64_t> TaskDescriptors::skipped() const {
-  return skipped_of(case1_, case2_);
-}
-
-const Descriptors& TaskDescriptors::of(const Task& task) {
-  const std::string key = descriptor_key(options_, task, case1_, case2_);
-  if (key == key_) return last_;
-  std::optional<Descriptors> there;
-  key_ = key;
-  if (!cache_.empty()) there = cached(task);
-  last_ = there ? std::move(*there) : compute(task);
-  return last_;
-}
-
-std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
-  const int64_t requested = options_.components;
+/// Descriptors with all components serve any smaller number.
+std::optional<Descriptors> cached(const ReductionOptions& options, const Task& task,
+                                  const fs::path& cache, const std::string& key,
+                                  DatasetFeatures& case1, DatasetFeatures* case2,
+                                  const Observer& observer) {
+  const int64_t requested = options.components;
   for (const int64_t there : {requested, int64_t{0}}) {
-    const fs::path path = descriptor_file(cache_, key_, there);
-    if (!features_complete(path, str(key_, "\n", there))) {
+    const fs::path path = descriptor_file(cache, key, there);
+    if (!features_complete(path, str(key, "\n", there))) {
       if (fs::exists(fs::symlink_status(path)))
-        observer_.note(path.string() + " does not match what was written; it is computed again");
+        observer.note(path.string() + " does not match what was written; it is computed again");
       continue;
     }
     const FeatureFile file(path);
     const int64_t columns = requested ? std::min(requested, file.d()) : file.d();
-    const int64_t n = case1_.n();
-    const auto fitted = static_cast<int64_t>(
-        options_.fit_on == "map" ? task.stored.size()
-                                 : static_cast<size_t>(n) - skipped_of(case1_, case2_).size());
+    const int64_t n = case1.n();
+    const auto fitted = std::ssize(training_rows(options, task, n, skipped_rows(case1, case2)));
     Descriptors found;
-    found.case1 = read_rows(file, 0, n, columns);
-    if (case2_) found.case2 = read_rows(file, n, n, columns);
-    found.pca_fit = fit_text(options_, fitted, columns);
+    found.case1 = file.matrix(0, n, columns);
+    if (case2) found.case2 = file.matrix(n, n, columns);
+    found.pca_fit = fit_text(options, fitted, columns);
     if (columns < requested)
       found.note = str("PCA keeps ", columns, " of the ", requested, " components requested");
     return found;
@@ -157,14 +131,22 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
   return {};
 }
 
-Descriptors TaskDescriptors::compute(const Task& task) const {
-  Descriptors fresh = reduce(options_, task, case1_, case2_, observer_);
-  if (cache_.empty()) return fresh;
-  const int64_t n = case1_.n();
-  FeatureWriter writer(descriptor_file(cache_, key_, options_.components),
-                       str(key_, "\n", options_.components), case2_ ? 2 * n : n, fresh.case1.d);
+}  // namespace
+
+Descriptors cached_or_reduced(const ReductionOptions& options, const Task& task,
+                              DatasetFeatures& case1, DatasetFeatures* case2,
+                              const Observer& observer, const fs::path& cache) {
+  const bool learns = options.fit_on == "all" || options.fit_on == "map";
+  if (cache.empty() || !learns || options.components < 0 || case1.extractor().fit_projection)
+    return reduce(options, task, case1, case2, observer);
+  const std::string key = descriptor_key(options, task, case1, case2);
+  if (auto found = cached(options, task, cache, key, case1, case2, observer)) return *found;
+  Descriptors fresh = reduce(options, task, case1, case2, observer);
+  const int64_t n = case1.n();
+  FeatureWriter writer(descriptor_file(cache, key, options.components),
+                       str(key, "\n", options.components), case2 ? 2 * n : n, fresh.case1.d);
   write_rows(writer, fresh.case1, 0);
-  if (case2_) write_rows(writer, *fresh.case2, n);
+  if (case2) write_rows(writer, *fresh.case2, n);
   writer.finish();
   return fresh;
 }
@@ -174,7 +156,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   const FeatureExtractor& extractor = case1.extractor();
   if (extractor.fit_projection) {
     const std::vector<int64_t> rows =
-        training_rows(options, task, case1.n(), skipped_of(case1, case2));
+        training_rows(options, task, case1.n(), skipped_rows(case1, case2));
     const FeatureFile& features = case1.file();
     const Projection basis = extractor.fit_projection(features.rows(), rows);
     Descriptors result;
@@ -201,7 +183,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
     return checked(std::move(whole));
   }
   const int64_t n = case1.n();
-  const std::vector<int64_t> skipped = skipped_of(case1, case2);
+  const std::vector<int64_t> skipped = skipped_rows(case1, case2);
   FeatureFiles files{&case1.file()};
   if (case2) files.push_back(&case2->file());
 
@@ -289,13 +271,7 @@ std::vector<Match> search(const PlaceIndex& index, const FloatMatrix& descriptor
   std::vector<Query> queries;
   for (const TaskQuery& query : task.queries)
     queries.push_back({descriptors.row(query.scan), query.candidates});
-  std::vector<Match> matches;
-  try {
-    matches = index.best_of_many(queries, options);
-  } catch (const NotFinite& error) {
-    throw Error("the similarity of scan ", task.queries.at(error.query).scan, " to scan ",
-                task.stored.at(error.place), " is not finite: ", error.similarity);
-  }
+  std::vector<Match> matches = index.best_of_many(queries, options);
   for (size_t q = 0; q < matches.size(); ++q) {
     if (options.score != Score::kDistinctMargin)  // may return fewer than k
       add_skipped(matches[q], task.queries[q], options);

@@ -8,7 +8,6 @@
 
 #include "revisit/base/text.h"
 #include "revisit/datasets/observer.h"
-#include "task_descriptors.h"
 
 namespace revisit {
 namespace {
@@ -40,14 +39,12 @@ void check_query_case(const EvaluationOptions& options, const Task& task) {
                      " queries scans that it also stores; use a task with separate queries");
 }
 
-std::optional<BootstrapOptions> resampling(const Task& task, const Trajectory& trajectory,
-                                           const EvaluationOptions& options,
-                                           const std::function<bool()>& stop) {
-  if (options.resamples == 0) return std::nullopt;
-  return BootstrapOptions{.blocks = blocks_of(task, trajectory, options.block),
-                          .resamples = options.resamples,
-                          .threads = options.threads,
-                          .stop = stop};
+BootstrapOptions resampling(const Task& task, const Trajectory& trajectory,
+                            const EvaluationOptions& options, const std::function<bool()>& stop) {
+  BootstrapOptions bootstrap{
+      .resamples = options.resamples, .threads = options.threads, .stop = stop};
+  if (options.resamples > 0) bootstrap.blocks = blocks_of(task, trajectory, options.block);
+  return bootstrap;
 }
 
 }  // namespace
@@ -58,11 +55,11 @@ void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationO
   result.labels = label_matches(result.matches, task, trajectory, task.rule);
   result.curve = precision_recall(result.labels, task.rejected_only);
   result.summary = summarize(result.labels, task.rejected_only);
-  const auto resamples = resampling(task, trajectory, options, stop);
-  if (!resamples) return;
-  result.intervals = bootstrap(result.labels, task.rejected_only, *resamples);
+  if (options.resamples == 0) return;
+  const BootstrapOptions resamples = resampling(task, trajectory, options, stop);
+  result.intervals = bootstrap(result.labels, task.rejected_only, resamples);
   std::tie(result.n_blocks, result.n_positive_blocks) =
-      count_blocks(*resamples, [&](size_t query) { return result.labels[query].positive; });
+      count_blocks(resamples, [&](size_t query) { return result.labels[query].positive; });
 }
 
 std::vector<bool> TaskResult::accepted() const {
@@ -148,24 +145,46 @@ void Evaluation::note_once(const std::string& text) {
 
 EvaluationResult Evaluation::run() {
   DatasetFeatures* case2 = needs_case2() ? &case2_ : nullptr;
-  TaskDescriptors descriptors(options_.reduction, case1_, case2,
-                              options_.keep_descriptors ? options_.cache : "", observer_);
   EvaluationResult result;
-  result.skipped = descriptors.skipped();
+  result.skipped = skipped_rows(case1_, case2);
   for (Task& task : tasks_) {
     if (!result.skipped.empty()) remove_scans(task, result.skipped);
-    result.tasks.push_back(evaluate(task, descriptors, result.times));
+    auto lap = stopwatch();
+    const Descriptors& descriptors = descriptors_of(task, case2);
+    result.reduce_ms.push_back(lap());
+    result.tasks.push_back(evaluate(task, descriptors, result));
     result.tasks.back().n_skipped = static_cast<int64_t>(result.skipped.size());
   }
   result.alignments = case1_.alignments();
-  result.times.describe = case1_.times();
-  if (case2) result.times.describe.append(case2->times());
+  result.describe_times = case1_.times();
+  if (case2) result.describe_times.append(case2->times());
   return result;
 }
 
-TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, EvaluationTimes& times) {
+const Descriptors& Evaluation::descriptors_of(const Task& task, DatasetFeatures* case2) {
+  if (!descriptors_ || (options_.reduction.fit_on == "map" && task.stored != stored_)) {
+    descriptors_ = cached_or_reduced(options_.reduction, task, case1_, case2, observer_,
+                                     options_.keep_descriptors ? options_.cache : "");
+    stored_ = task.stored;
+  }
+  return *descriptors_;
+}
+
+TaskResult Evaluation::evaluate(const Task& task, const Descriptors& descriptors,
+                                EvaluationResult& whole) {
+  if (!descriptors.note.empty()) note_once(descriptors.note);
+  const Progress progress =
+      observer_.stage(task.decides_on_pairs ? "comparing" : "retrieving", "queries");
+  auto lap = stopwatch();
   TaskResult result;
+  if (task.decides_on_pairs) {
+    BootstrapOptions options = resampling(task, trajectory_, options_, observer_.stop);
+    options.progress = progress;
+    result = evaluate_pairs(task, trajectory_, descriptors, options);
+  }
   result.task = task;
+  result.pca_fit = descriptors.pca_fit;
+  result.descriptor_dim = descriptors.case1.d;
   const QueryCase query_case = query_case_of(task);
   result.query_case = query_case == QueryCase::kBoth  ? "both"
                       : query_case == QueryCase::kTwo ? "case2"
@@ -173,29 +192,8 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   if (task.both_cases && query_case != QueryCase::kBoth)
     note_once(str(task.name, " compares queries in both alignment cases, which needs ",
                   "features of case1; here it uses one case"));
-  auto lap = stopwatch();
-  const Descriptors& descriptors = all.of(task);
-  times.reduce.push_back(lap());
-  if (!descriptors.note.empty()) note_once(descriptors.note);
-  result.pca_fit = descriptors.pca_fit;
-  result.descriptor_dim = descriptors.case1.d;
-
-  const Progress progress =
-      observer_.stage(result.on_pairs() ? "comparing" : "retrieving", "queries");
-  lap();
-  if (result.on_pairs()) {
-    result.score = Score::kSimilarity;
-    TaskResult pairs =
-        evaluate_pairs(task, trajectory_, descriptors,
-                       {options_.threads, resampling(task, trajectory_, options_, observer_.stop),
-                        progress, observer_.stop});
-    times.retrieve.push_back(lap());
-    result.curve = std::move(pairs.curve);
-    result.summary = pairs.summary;
-    result.intervals = pairs.intervals;
-    result.n_blocks = pairs.n_blocks;
-    result.n_positive_blocks = pairs.n_positive_blocks;
-    result.histogram = pairs.histogram;
+  if (task.decides_on_pairs) {
+    whole.retrieve_ms.push_back(lap());
     return result;
   }
   result.score = options_.score.value_or(
@@ -204,7 +202,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   result.matches =
       retrieve(descriptors, task,
                {options_.k, result.score, options_.threads, progress, observer_.stop}, query_case);
-  times.retrieve.push_back(lap());
+  whole.retrieve_ms.push_back(lap());
   measure(result, trajectory_, options_, observer_.stop);
   return result;
 }

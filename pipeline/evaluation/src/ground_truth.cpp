@@ -5,12 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
-#include <numeric>
-#include <optional>
-#include <string>
 #include <string_view>
-#include <utility>
-#include <vector>
 
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
@@ -51,23 +46,6 @@ Trajectory make_trajectory(const Dataset& dataset) {
     trajectory.positions.emplace_back(scan.pose->translation());
     if (!trajectory.positions.back().allFinite())
       throw InputError(scan.file.string(), ": the pose of frame ", scan.frame, " is not finite");
-  }
-  return trajectory;
-}
-
-Trajectory make_trajectory(const std::vector<Pose>& T_world_cam, const std::vector<double>& times) {
-  if (!times.empty() && times.size() < T_world_cam.size())
-    throw InputError("fewer time stamps (", times.size(), ") than poses (", T_world_cam.size(),
-                     ")");
-  Trajectory trajectory;
-  trajectory.n_poses = static_cast<int64_t>(T_world_cam.size());
-  trajectory.frames.resize(T_world_cam.size());
-  std::iota(trajectory.frames.begin(), trajectory.frames.end(), 0);
-  for (size_t i = 0; i < T_world_cam.size(); ++i) {
-    trajectory.positions.emplace_back(T_world_cam[i].translation());
-    if (!trajectory.positions.back().allFinite())
-      throw InputError("the pose of frame ", i, " is not finite");
-    if (!times.empty()) trajectory.times.push_back(times[i]);
   }
   return trajectory;
 }
@@ -155,45 +133,41 @@ void need_distances(const Trajectory& trajectory, Distance kind, const std::stri
 
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
   const std::vector<double> along = distance_along(trajectory, exclusion.kind);
-  std::vector<int64_t> ends(along.size());
-  int64_t end = 0;
-  for (int64_t i = 0; i < trajectory.size(); ++i) {
-    if (exclusion.kind == Exclusion::Kind::kNone) end = i;
-    while (end < i && along[i] - along[end] > exclusion.amount) ++end;
-    ends[i] = end;
-  }
+  const bool none = exclusion.kind == Exclusion::Kind::kNone;
+  std::vector<int64_t> ends;
+  for (auto here = along.begin(); here != along.end(); ++here)
+    ends.push_back(std::partition_point(
+                       along.begin(), here,
+                       [&](double before) { return none || *here - before > exclusion.amount; }) -
+                   along.begin());
   return ends;
 }
 
 std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
   const std::vector<double> along = distance_along(trajectory, exclusion.kind);
-  std::vector<int64_t> begins(along.size());
-  int64_t begin = trajectory.size();
-  for (int64_t i = trajectory.size() - 1; i >= 0; --i) {
-    if (exclusion.kind == Exclusion::Kind::kNone) begin = i + 1;
-    while (begin > i + 1 && along[begin - 1] - along[i] > exclusion.amount) --begin;
-    begins[i] = begin;
-  }
+  const bool none = exclusion.kind == Exclusion::Kind::kNone;
+  std::vector<int64_t> begins;
+  for (auto here = along.begin(); here != along.end(); ++here)
+    begins.push_back(std::partition_point(
+                         here + 1, along.end(),
+                         [&](double after) { return !none && after - *here <= exclusion.amount; }) -
+                     along.begin());
   return begins;
 }
 
-LoopTruth find_loops(const Trajectory& trajectory, const MatchRule& rule,
-                     const Exclusion& exclusion) {
+std::vector<std::pair<int64_t, int64_t>> find_loops(const Trajectory& trajectory,
+                                                    const MatchRule& rule,
+                                                    const Exclusion& exclusion) {
   need_distances(trajectory, rule.distance, "ground truth");
   if (!(rule.radius > 0) || !std::isfinite(rule.radius))
     throw UsageError("radius: expected a positive number of meters, found ", rule.radius);
   const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
-  LoopTruth truth;
-  for (int64_t i = 0; i < trajectory.size(); ++i) {
-    const size_t before = truth.pairs.size();
-    for (int64_t j = 0; j < ends[i]; ++j) {
-      const double distance = distance_between(trajectory, i, j, rule.distance);
-      if (rule.is_correct(distance)) truth.pairs.push_back({i, j, distance});
-    }
-    truth.n_queries += ends[i] > 0;
-    truth.n_positives += truth.pairs.size() > before;
-  }
-  return truth;
+  std::vector<std::pair<int64_t, int64_t>> pairs;
+  for (int64_t i = 0; i < trajectory.size(); ++i)
+    for (int64_t j = 0; j < ends[i]; ++j)
+      if (rule.is_correct(distance_between(trajectory, i, j, rule.distance)))
+        pairs.emplace_back(i, j);
+  return pairs;
 }
 
 namespace {

@@ -45,7 +45,7 @@ class PairTruth {
 };
 
 template <class Work>
-void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, Work work) {
+void in_parallel(int64_t n_queries, int64_t block, const BootstrapOptions& options, Work work) {
   for (int64_t first = 0; first < n_queries; first += block) {
     if (options.stop && options.stop()) throw Interrupted("evaluation of pairs stopped");
     const int64_t end = std::min(first + block, n_queries);
@@ -82,13 +82,13 @@ struct Selection {
   }
 };
 
-Selection select(const Task& task, const PairTruth& truth, const PairOptions& options) {
+Selection select(const Task& task, const PairTruth& truth, BootstrapOptions options) {
   const size_t n = task.queries.size();
   Selection selection;
   selection.n_correct.resize(n);
   selection.first_incorrect.resize(n + 1);
-  const PairOptions silent{options.threads, {}, {}, options.stop};
-  in_parallel(static_cast<int64_t>(n), 1024, silent, [&](int64_t q) {
+  options.progress = {};
+  in_parallel(static_cast<int64_t>(n), 1024, options, [&](int64_t q) {
     truth.for_each_not_ignored(task.queries[q], [&](int64_t, PairLabel is) {
       is == PairLabel::kCorrect ? ++selection.n_correct[q] : ++selection.first_incorrect[q + 1];
     });
@@ -131,21 +131,17 @@ std::vector<double> similarities_of(int64_t scan, const std::vector<int64_t>& ca
     else
       ranges.push_back({candidate, candidate + 1});
   std::vector<double> of_scan(static_cast<size_t>(index.size()), -1), similarities;
-  try {
-    const Match match =
-        index.best(index.descriptor(scan), ranges, {.k = static_cast<int>(candidates.size())});
-    for (size_t i = 0; i < match.ranks.size(); ++i)
-      of_scan[static_cast<size_t>(match.ranks[i])] = match.similarities[i];
-  } catch (const NotFinite& error) {
-    throw Error("the similarity of scan ", scan, " to scan ", error.place, " is not finite");
-  }
+  const Match match =
+      index.best(index.descriptor(scan), ranges, {.k = static_cast<int>(candidates.size())});
+  for (size_t i = 0; i < match.ranks.size(); ++i)
+    of_scan[static_cast<size_t>(match.ranks[i])] = match.similarities[i];
   for (const int64_t candidate : candidates)
     similarities.push_back(of_scan[static_cast<size_t>(candidate)]);
   return similarities;
 }
 
 Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection& selection,
-                       const PlaceIndex& index, const PairOptions& options) {
+                       const PlaceIndex& index, const BootstrapOptions& options) {
   Ballots<float> ballots;
   ballots.positives = selection.n_correct;
   ballots.by_score.resize(static_cast<size_t>(selection.first_pair.back()));
@@ -191,7 +187,7 @@ ScoreHistogram histogram_of(const Ballots<float>& ballots) {
 }
 
 void check(const Task& task, const Trajectory& trajectory, const Descriptors& descriptors,
-           const PairOptions& options) {
+           const BootstrapOptions& options) {
   if (!task.decides_on_pairs) throw Error("task ", task.name, " decides on queries, not on pairs");
   need_distances(trajectory, task.rule.distance, "task " + task.name);
   if (options.threads < 1)
@@ -205,7 +201,7 @@ void check(const Task& task, const Trajectory& trajectory, const Descriptors& de
 }  // namespace
 
 TaskResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
-                          const Descriptors& descriptors, const PairOptions& options) {
+                          const Descriptors& descriptors, const BootstrapOptions& options) {
   check(task, trajectory, descriptors, options);
   const PairTruth truth(task, trajectory);
   const Selection selection = select(task, truth, options);
@@ -217,6 +213,7 @@ TaskResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   const Ballots<float> ballots = compare(task, truth, selection, index, options);
 
   TaskResult result;
+  result.score = Score::kSimilarity;
   result.summary = summary_of(ballots);
   result.summary.recall_at_1 = kNotComputed;
   result.summary.n_pairs = static_cast<int64_t>(ballots.by_score.size());
@@ -225,10 +222,10 @@ TaskResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
     result.summary.n_positives += selection.n_correct[q] > 0;
     result.summary.n_correct_pairs += selection.n_correct[q];
   }
-  if (options.bootstrap) {
-    result.intervals = resample(ballots, *options.bootstrap);
-    std::tie(result.n_blocks, result.n_positive_blocks) = count_blocks(
-        *options.bootstrap, [&](size_t query) { return selection.n_correct[query] > 0; });
+  if (options.resamples > 0) {
+    result.intervals = resample(ballots, options);
+    std::tie(result.n_blocks, result.n_positive_blocks) =
+        count_blocks(options, [&](size_t query) { return selection.n_correct[query] > 0; });
     result.intervals->recall_at_1 = {kNotComputed, kNotComputed};
   }
   result.curve = curve_of(ballots, kMaxPoints);

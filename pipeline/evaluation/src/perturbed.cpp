@@ -211,7 +211,7 @@ class PerturbedEvaluation {
     }
     task_.population = str(scans_.size(), " perturbed scans against all unperturbed ones");
     reduce_stored(features);
-    result_.times.describe = features.times();
+    result_.describe_times = features.times();
   }
 
   EvaluationResult run() {

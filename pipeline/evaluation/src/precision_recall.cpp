@@ -2,28 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iomanip>
 #include <iterator>
 #include <random>
 #include <set>
 
 #include "ballots.h"
 #include "revisit/base/error.h"
-#include "revisit/base/files.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit {
-namespace {
-
-struct Cell {
-  double value;
-  friend std::ostream& operator<<(std::ostream& out, const Cell& cell) {
-    return std::isnan(cell.value) ? out : out << cell.value;
-  }
-};
-
-}  // namespace
-
 std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const Task& task,
                                       const Trajectory& trajectory, const MatchRule& rule) {
   need_distances(trajectory, rule.distance, "judging matches");
@@ -91,16 +78,6 @@ PrSummary summarize(const std::vector<MatchLabel>& labels, bool rejected_only) {
   return summary;
 }
 
-void write_precision_recall_csv(const std::filesystem::path& file,
-                                const std::vector<PrPoint>& curve) {
-  write_atomically(file, [&](std::ostream& out) {
-    out << "threshold,tp,fp,fn,tn,precision,recall,f1\n" << std::setprecision(17);
-    for (const PrPoint& p : curve)
-      out << p.threshold << ',' << p.tp << ',' << p.fp << ',' << p.fn << ',' << p.tn << ','
-          << Cell{p.precision} << ',' << Cell{p.recall} << ',' << Cell{p.f1} << '\n';
-  });
-}
-
 namespace {
 
 constexpr int kLanes = 8;
@@ -149,10 +126,10 @@ double quantile(const std::vector<double>& sorted, double share) {
   return sorted[below] + (at - static_cast<double>(below)) * (sorted[above] - sorted[below]);
 }
 
-std::array<double, 2> percentiles(const std::vector<Metrics>& resamples, double Metrics::*member,
-                                  double confidence) {
+std::array<double, 2> percentiles(const std::vector<PrSummary>& resamples,
+                                  double PrSummary::*member, double confidence) {
   std::vector<double> values;
-  for (const Metrics& metrics : resamples)
+  for (const PrSummary& metrics : resamples)
     if (!std::isnan(metrics.*member)) values.push_back(metrics.*member);
   if (values.empty()) return {kNotComputed, kNotComputed};
   std::sort(values.begin(), values.end());
@@ -206,7 +183,7 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
   constexpr std::array<double, 2> kNone{kNotComputed, kNotComputed};
   if (blocks.names.size() < 2) return {kNone, kNone, kNone, kNone, kNone};
   const int n_batches = (options.resamples + kLanes - 1) / kLanes;
-  std::vector<Metrics> resamples(static_cast<size_t>(n_batches) * kLanes);
+  std::vector<PrSummary> resamples(static_cast<size_t>(n_batches) * kLanes);
   // Only this thread calls `stop`, between rounds; long ones, because threads wait at their ends.
   const int round = 8 * options.threads;
   for (int first = 0; first < n_batches; first += round) {
@@ -225,12 +202,12 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
     });
   }
   resamples.resize(static_cast<size_t>(options.resamples));
-  const auto interval = [&](double Metrics::*member) {
+  const auto interval = [&](double PrSummary::*member) {
     return percentiles(resamples, member, options.confidence);
   };
-  return {interval(&Metrics::f1_max), interval(&Metrics::average_precision),
-          interval(&Metrics::recall_at_1), interval(&Metrics::max_recall_at_precision_1),
-          interval(&Metrics::extended_precision)};
+  return {interval(&PrSummary::f1_max), interval(&PrSummary::average_precision),
+          interval(&PrSummary::recall_at_1), interval(&PrSummary::max_recall_at_precision_1),
+          interval(&PrSummary::extended_precision)};
 }
 
 template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);

@@ -1,13 +1,242 @@
 #include "revisit/evaluation/protocols.h"
 
+#include <algorithm>
+#include <functional>
+#include <iterator>
+#include <numeric>
 #include <set>
 
-#include "protocol_tasks.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
 namespace revisit {
 namespace {
+
+// make_tasks() sets name and definition. A task throws UsageError if the sequence has no such task.
+
+constexpr int kLcdnetFirstFrame = 100;
+constexpr int kSscNegativesPerPositive = 100;
+
+Task against_earlier(const Trajectory& trajectory, const Exclusion& exclusion,
+                     int first_frame = 0) {
+  Task task;
+  task.population = "each scan against all earlier ones beyond the exclusion";
+  task.exclusion = exclusion;
+  task.stored.resize(trajectory.frames.size());
+  std::iota(task.stored.begin(), task.stored.end(), int64_t{0});
+  const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
+  for (int64_t i = 0; i < trajectory.size(); ++i)
+    if (ends[i] > 0 && trajectory.frames[i] >= first_frame)
+      task.queries.push_back({i, {CandidateRange{0, ends[i]}, {}}});
+  return task;
+}
+
+Task online_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
+  return against_earlier(trajectory, exclusion);
+}
+
+Task leave_one_out_task(const std::string&, const Trajectory& trajectory,
+                        const Exclusion& exclusion) {
+  Task task = against_earlier(trajectory, exclusion);
+  task.population = "each scan against all others, earlier and later, beyond the exclusion";
+  task.queries.clear();
+  const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
+  const std::vector<int64_t> begins = later_candidates(trajectory, exclusion);
+  for (int64_t i = 0; i < trajectory.size(); ++i) {
+    const TaskQuery query{
+        i, {CandidateRange{0, ends[i]}, CandidateRange{begins[i], trajectory.size()}}};
+    if (query.n_candidates() > 0) task.queries.push_back(query);
+  }
+  return task;
+}
+
+Task lcdnet1_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
+  Task task = against_earlier(trajectory, exclusion, kLcdnetFirstFrame);
+  task.rule = {Distance::kXz, 4};
+  task.rejected_only = true;
+  task.margin_score = false;
+  return task;
+}
+
+Task lcdnet2_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
+  Task task = against_earlier(trajectory, exclusion, kLcdnetFirstFrame);
+  task.population = "pairs of each scan with all earlier ones beyond the exclusion";
+  task.rule = {Distance::kXz, 4};
+  task.decides_on_pairs = true;
+  task.margin_score = false;
+  return task;
+}
+
+Task ssc_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
+  // Negative pairs may lie within the exclusion, so all earlier scans are candidates.
+  Task task = against_earlier(trajectory, {Exclusion::Kind::kNone, 0});
+  task.exclusion = exclusion;
+  task.population = "all near pairs beyond the exclusion, and far ones drawn at random";
+  task.rule = {Distance::kXz, 3, 20};
+  task.decides_on_pairs = true;
+  task.margin_score = false;
+  task.negatives_per_positive = kSscNegativesPerPositive;
+  return task;
+}
+
+Task logg3d_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
+  Task task = against_earlier(trajectory, exclusion);
+  task.rule = {Distance::kXz, 3, 20};
+  task.rejected_only = true;
+  task.margin_score = false;
+  return task;
+}
+
+struct Drive {
+  const char* sequence;
+  int64_t poses;
+};
+constexpr Drive kDrives[] = {{"00", 4541}, {"01", 1101}, {"02", 4661}, {"03", 801},
+                             {"04", 271},  {"05", 2761}, {"06", 1101}, {"07", 1101},
+                             {"08", 4071}, {"09", 1591}, {"10", 1201}};
+
+void need_official_drive(const std::string& protocol, const std::string& sequence,
+                         const Trajectory& trajectory) {
+  const auto* const drive = std::find_if(std::begin(kDrives), std::end(kDrives),
+                                         [&](const Drive& d) { return sequence == d.sequence; });
+  const int64_t expected = drive == std::end(kDrives) ? 0 : drive->poses;
+  if (trajectory.n_poses == expected) return;
+  throw UsageError("protocol ", protocol, ": its frames are those of KITTI's drive ", sequence,
+                   ", which has ", expected, " poses; this drive ", sequence, " has ",
+                   trajectory.n_poses,
+                   ", so it is another; paper-easy, online and leave-one-out work for any");
+}
+
+using Chosen = std::function<bool(int64_t row)>;
+
+Task map_task(const Trajectory& trajectory, const Chosen& is_stored, const Chosen& is_query) {
+  Task task;
+  for (int64_t row = 0; row < trajectory.size(); ++row)
+    if (is_stored(row)) task.stored.push_back(row);
+  const CandidateRange all{0, static_cast<int64_t>(task.stored.size())};
+  for (int64_t row = 0; row < trajectory.size(); ++row)
+    if (all.size() > 0 && is_query(row)) task.queries.push_back({row, {all, {}}});
+  return task;
+}
+
+/// Table 1 of the paper: stored scans, 1-based and inclusive as printed there.
+struct StoredScans {
+  const char* sequence;
+  std::array<std::array<int, 2>, 2> ranges;  // {0, 0}: none
+  bool bidirectional;
+};
+constexpr StoredScans kTable1[] = {
+    {"00", {{{1, 200}, {3280, 3840}}}, false},
+    {"05", {{{13, 150}, {530, 885}}}, false},
+    {"06", {{{1, 276}, {0, 0}}}, false},
+    {"08", {{{1420, 1503}, {1620, 1840}}}, true},  // the only one with reverse revisits
+};
+
+const StoredScans* table_entry(const std::string& sequence) {
+  for (const StoredScans& entry : kTable1)
+    if (sequence == entry.sequence) return &entry;
+  return nullptr;
+}
+
+Task split(const Trajectory& trajectory, const Chosen& is_stored) {
+  Task task = map_task(trajectory, is_stored, std::not_fn(is_stored));
+  task.rule = {Distance::kBox, 3};
+  return task;
+}
+
+Task every_nth_stored(int step, const Trajectory& trajectory) {
+  Task task = split(trajectory, [step](int64_t row) { return row % step == 0; });
+  task.population = str("every ", step, step == 3 ? "rd" : "th",
+                        " scan of those there are is stored, all others are queries");
+  return task;
+}
+
+Task table_task(const StoredScans& entry, const Trajectory& trajectory) {
+  Task task = split(trajectory, [&](int64_t row) {
+    const int frame = trajectory.frames[static_cast<size_t>(row)];
+    return std::any_of(entry.ranges.begin(), entry.ranges.end(), [&](const auto& range) {
+      return range[1] && frame + 1 >= range[0] && frame + 1 <= range[1];
+    });
+  });
+  task.population = "stored: scans ";
+  for (size_t i = 0; i < entry.ranges.size(); ++i)
+    if (entry.ranges[i][1])
+      task.population += str(i ? ", " : "", entry.ranges[i][0], "-", entry.ranges[i][1]);
+  task.population += " (1-based); all others are queries";
+  return task;
+}
+
+const StoredScans& need_entry(const std::string& protocol, const std::string& sequence,
+                              const Trajectory& trajectory, bool bidirectional) {
+  const StoredScans* entry = table_entry(sequence);
+  if (entry && (!bidirectional || entry->bidirectional)) {
+    need_official_drive(protocol, sequence, trajectory);
+    return *entry;
+  }
+  throw UsageError("protocol ", protocol, ": the paper has no such task for sequence '", sequence,
+                   "', only for ", bidirectional ? "08" : "00, 05, 06 and 08",
+                   "; paper-easy, online and leave-one-out work for any");
+}
+
+/// Half-open frame ranges of BEVPlace (00, 02, 05, 06) and BEVPlace++ (08), with a gap between.
+struct Ranges {
+  const char* sequence;
+  int database_end, query_begin, query_end;
+};
+constexpr Ranges kRanges[] = {{"00", 3000, 3200, 4541},
+                              {"02", 3400, 3600, 4661},
+                              {"05", 1000, 1200, 2751},
+                              {"06", 600, 800, 1101},
+                              {"08", 1000, 1200, 4071}};
+
+const Ranges& ranges_of(const std::string& sequence) {
+  for (const Ranges& ranges : kRanges)
+    if (sequence == ranges.sequence) return ranges;
+  throw UsageError(
+      "protocol bevplace: its ranges are published for 00, 02, 05, 06 and 08, not "
+      "for sequence '",
+      sequence, "'; online and leave-one-out work for any");
+}
+
+Task paper_easy_task(const std::string&, const Trajectory& trajectory, const Exclusion&) {
+  return every_nth_stored(3, trajectory);
+}
+
+Task paper_median_task(const std::string& sequence, const Trajectory& trajectory,
+                       const Exclusion&) {
+  return table_task(need_entry("paper-median", sequence, trajectory, false), trajectory);
+}
+
+Task paper_difficult_task(const std::string& sequence, const Trajectory& trajectory,
+                          const Exclusion&) {
+  Task task = table_task(need_entry("paper-difficult", sequence, trajectory, true), trajectory);
+  task.both_cases = true;
+  return task;
+}
+
+template <int step>
+Task places_task(const std::string&, const Trajectory& trajectory, const Exclusion&) {
+  Task task = every_nth_stored(step, trajectory);
+  task.rule = {Distance::kPlace, 1};  // any radius: the distance is 0 or infinite
+  return task;
+}
+
+Task bevplace_task(const std::string& sequence, const Trajectory& trajectory, const Exclusion&) {
+  const Ranges& r = ranges_of(sequence);
+  need_official_drive("bevplace", sequence, trajectory);
+  const auto within = [&](int begin, int end) {
+    return [&frames = trajectory.frames, begin, end](int64_t row) {
+      const int frame = frames[static_cast<size_t>(row)];
+      return frame >= begin && frame < end;
+    };
+  };
+  Task task = map_task(trajectory, within(0, r.database_end), within(r.query_begin, r.query_end));
+  task.population = str("stored: frames 0-", r.database_end - 1, "; queries: frames ",
+                        r.query_begin, "-", r.query_end - 1);
+  task.rule = {Distance::kXz, 5};
+  task.margin_score = false;
+  return task;
+}
 
 constexpr const char* kPaper =
     "Sun, Liu, Ye, Yeung: Point-cloud-based place recognition using CNN feature extraction";
@@ -23,84 +252,77 @@ struct Entry {
 
 /// All protocols except `paper`, which combines up to three of them.
 const std::vector<Entry>& table() {
-  using S = const std::string&;
-  using T = const Trajectory&;
-  using E = const Exclusion&;
   static const std::vector<Entry> entries = {
       {{"paper-easy",
         "every 3rd scan is stored, the others are queries; the best match is correct when all "
         "three "
         "coordinate differences are below 3 m",
         kPaper},
-       [](S, T t, E) { return paper_easy_task(t); },
+       paper_easy_task,
        {}},
       {{"paper-median",
         "the scans of the paper's table 1 are stored, all others are queries in alignment case 1; "
         "truth as in paper-easy; KITTI's 00, 05, 06, 08",
         kPaper},
-       [](S s, T t, E) { return paper_median_task(s, t); },
+       paper_median_task,
        {}},
       {{"paper-difficult",
         "paper-median with the queries in both alignment cases, the higher score counts; KITTI's "
         "08",
         kPaper},
-       [](S s, T t, E) { return paper_difficult_task(s, t); },
+       paper_difficult_task,
        {}},
       {{"places-3",
         "every 3rd scan is stored, the others are queries; the best match is correct when it is of "
         "the same named place (the HKUST sets)",
         kPaper},
-       [](S, T t, E) { return places_task(3, t); },
+       places_task<3>,
        {}},
-      {{"places-6", "as places-3 with every 6th scan", kPaper},
-       [](S, T t, E) { return places_task(6, t); },
-       {}},
-      {{"places-10", "as places-3 with every 10th scan", kPaper},
-       [](S, T t, E) { return places_task(10, t); },
-       {}},
+      {{"places-6", "as places-3 with every 6th scan", kPaper}, places_task<6>, {}},
+      {{"places-10", "as places-3 with every 10th scan", kPaper}, places_task<10>, {}},
       {{"online",
         "each scan against all scans more than 50 frames before it; the best match is correct when "
         "nearer than 5 m, horizontally",
         "the usual setting of loop detection"},
-       [](S, T t, E e) { return online_task(t, e); },
+       online_task,
        k50Frames},
       {{"leave-one-out",
         "each scan against all scans more than 50 frames before or after it; truth as in online",
         "for sets without an order of time"},
-       [](S, T t, E e) { return leave_one_out_task(t, e); },
+       leave_one_out_task,
        k50Frames},
       {{"lcdnet1",
         "each scan from frame 100 on against all scans more than 50 frames before it; the best "
         "match is correct when nearer than 4 m; an incorrect match is a false positive and not "
         "also a false negative",
         "Cattaneo, Vaghi, Valada: LCDNet, T-RO 2022, protocol 1"},
-       [](S, T t, E e) { return lcdnet1_task(t, e); },
+       lcdnet1_task,
        k50Frames},
       {{"lcdnet2",
         "every pair of a scan from frame 100 on with a scan more than 50 frames before it; correct "
         "when nearer than 4 m",
         "Cattaneo, Vaghi, Valada: LCDNet, T-RO 2022, protocol 2"},
-       [](S, T t, E e) { return lcdnet2_task(t, e); },
+       lcdnet2_task,
        k50Frames},
       {{"ssc",
         "pairs nearer than 3 m and more than 50 frames apart are correct; 100 times as many pairs, "
         "drawn among those farther apart than 20 m, are incorrect",
         "Li et al.: SSC, Semantic Scan Context, IROS 2021"},
-       [](S, T t, E e) { return ssc_task(t, e); },
+       ssc_task,
        k50Frames},
       {{"logg3d",
         "each scan against all scans more than 30 s before it; the best match is correct when "
         "nearer than 3 m, incorrect when farther than 20 m, not counted between; an incorrect "
         "match is not also a false negative",
         "Vidanapathirana et al.: LoGG3D-Net, ICRA 2022"},
-       [](S, T t, E e) { return logg3d_task(t, e); },
+       logg3d_task,
        k30Seconds},
       {{"bevplace",
         "frames of fixed ranges are stored and queried (00: 0-2999, 3200-4540; 02: 0-3399, "
         "3600-4660; 05: 0-999, 1200-2750; 06: 0-599, 800-1100; 08: 0-999, 1200-4070); the best "
         "match is correct when nearer than 5 m",
         "Luo et al.: BEVPlace, ICCV 2023, and BEVPlace++, T-RO 2025"},
-       [](S s, T t, E) { return bevplace_task(s, t); },
+       bevplace_task,
        {}},
   };
   return entries;
@@ -121,8 +343,9 @@ const Entry* find_entry(const std::string& name) {
 std::vector<std::string> task_names(const std::string& protocol, const std::string& sequence) {
   if (protocol != "paper") return {protocol};
   std::vector<std::string> names{"paper-easy"};
-  if (has_median_task(sequence)) names.emplace_back("paper-median");
-  if (has_difficult_task(sequence)) names.emplace_back("paper-difficult");
+  const StoredScans* entry = table_entry(sequence);
+  if (entry) names.emplace_back("paper-median");
+  if (entry && entry->bidirectional) names.emplace_back("paper-difficult");
   return names;
 }
 

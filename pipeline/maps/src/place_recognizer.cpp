@@ -169,7 +169,7 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
   if (options.hnsw_candidates < 0)
     throw UsageError(str("HNSW candidates: expected at least 0, found ", options.hnsw_candidates));
   if (options.hnsw_candidates > 0) {  // fail now, not when the warm-up ends
-    need("candidates of a large map", "FAISS");
+    if (!optional_library("FAISS").built_in) built_without("candidates of a large map", "FAISS");
     if (extractor.comparison.similarity)
       throw UsageError("HNSW candidates: only for features compared by cosine, found '",
                        extractor.name, "'");

@@ -25,10 +25,6 @@ const OptionalLibrary& optional_library(std::string_view name) {
   return *found;
 }
 
-void need(std::string_view what, std::string_view library) {
-  if (!optional_library(library).built_in) built_without(what, library);
-}
-
 void built_without(std::string_view what, std::string_view library) {
   const OptionalLibrary& missing = optional_library(library);
   throw UsageError(what, ": this program was built without ", missing.name, "; install ",

@@ -116,10 +116,6 @@ PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& o
   }
 }
 
-int64_t PreparedScan::size() const {
-  return static_cast<int64_t>(parts_->points.size());
-}
-
 const std::vector<Eigen::Vector3f>& PreparedScan::points() const {
   return parts_->points;
 }

@@ -12,21 +12,16 @@
 #include "revisit/base/error.h"
 
 namespace revisit {
-
-struct Residual {
-  Eigen::Matrix<double, 6, 1> jacobian;  // translation [1], rotation [m]
-  double distance = 0;                   // [m] from the place's plane
-  Eigen::Vector3d at;                    // in the place's frame [m]
-};
-
-/// Computes Registration::information from at least one pair. `hessian` is the sum of J J^T.
-Eigen::Matrix<double, 6, 6> information_of(const std::vector<Residual>& residuals,
-                                           const Eigen::Matrix<double, 6, 6>& hessian);
-
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+struct Residual {
+  Vector6d jacobian;    // translation [1], rotation [m]
+  double distance = 0;  // [m] from the place's plane
+  Eigen::Vector3d at;   // in the place's frame [m]
+};
 
 constexpr double kPatch = 16;  // edge of a patch, in which errors are correlated [m]
 
@@ -53,8 +48,7 @@ Matrix6d scatter_of(const std::vector<Residual>& residuals, int64_t* patches) {
   return scatter;
 }
 
-}  // namespace
-
+/// Computes Registration::information from at least one pair. `hessian` is the sum of J J^T.
 Matrix6d information_of(const std::vector<Residual>& residuals, const Matrix6d& hessian) {
   // Chosen on pairs of five simulated drives. Pairing with the nearest point hides half of the
   // variance (kHidden). Errors common to all points, which patches do not show, come from
@@ -75,11 +69,6 @@ Matrix6d information_of(const std::vector<Residual>& residuals, const Matrix6d& 
   const Matrix6d information = hessian * scatter.ldlt().solve(hessian);
   return (information + information.transpose()) / 2;
 }
-
-namespace {
-
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 /// Minimum denominator of the inlier ratio, because fewer points may fit anywhere. Beside a lorry a
 /// scan had 27 points, which all fitted a place 92 m away.

@@ -180,23 +180,8 @@ TEST(FabMap, ManyWordsDoNotUnderflow) {
   EXPECT_LT(p[1], 0.1);
 }
 
-TEST(FabMap, RefusesNonsense) {
-  const auto expect = [](FabMapOptions options, const char* part) {
-    expect_error<UsageError>([&] { FabMap(chain(), options); }, {part});
-  };
-  expect({.p_detected_if_present = 1}, "detector");
-  expect({.p_detected_if_present = 0.3, .p_detected_if_absent = 0.3}, "detector");
-  expect({.p_new_place = 0}, "new place");
-  expect({.smoothing = 1.5}, "smoothing");
-  expect({.smoothing = std::nan("")}, "smoothing");
+TEST(ChowLiu, NeedsImages) {
   expect_error<UsageError>([] { chow_liu_tree(FloatMatrix(0, 5)); }, {"images"});
-  ChowLiuTree broken = chain();
-  broken.parent[1] = 3;
-  expect_error<UsageError>([&] { FabMap(broken, {}); }, {"tree"});
-  broken = chain();
-  broken.marginal[2] = 0;
-  expect_error<UsageError>([&] { FabMap(broken, {}); }, {"tree"});
-  expect_error<UsageError>([&] { FabMap(chain(), {}, FloatMatrix(2, 5)); }, {"3 words", "5"});
 }
 
 }  // namespace

@@ -93,7 +93,7 @@ TEST_F(VisualWords, TrainedWordsAreKept) {
     EXPECT_TRUE(std::equal(seen.begin(), seen.end(), learnt.images.row(i).begin())) << i;
     EXPECT_GT(std::accumulate(seen.begin(), seen.end(), 0.0), 5);
   }
-  options_.stop = [] { return true; };  // would stop at the first image
+  options_.observer.stop = [] { return true; };  // would stop at the first image
   const WordModel kept = train_vocabulary(images_, options_, dir_ / "");
   EXPECT_EQ(kept.vocabulary.values, learnt.vocabulary.values);
   EXPECT_EQ(kept.images.values, learnt.images.values);
@@ -124,7 +124,8 @@ TEST_F(VisualWords, SpreadOverTheImages) {
 }
 
 TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
-  const FeatureExtractor fabmap = fabmap_features(train_vocabulary(images_, options_, dir_ / ""));
+  const FeatureExtractor fabmap =
+      word_features(train_vocabulary(images_, options_, dir_ / ""), false);
   ASSERT_TRUE(fabmap.sees<GrayImage>());
   const Observer observer;
   DatasetFeatures features(images_, fabmap, {}, dir_ / "", observer);

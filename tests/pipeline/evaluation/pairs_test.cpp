@@ -4,6 +4,7 @@
 #include "float_matrix.h"
 #include "revisit/evaluation/evaluate.h"
 #include "testing.h"
+#include "trajectory.h"
 
 namespace revisit {
 namespace {
@@ -209,7 +210,7 @@ TEST(Pairs, NegativesAreDrawnEvenlyAndTheSameEveryTime) {
       pairs.emplace_back(q, c);
       return 0.5;
     });
-    PairOptions options;
+    BootstrapOptions options{.resamples = 0};
     options.threads = threads;
     const PrSummary s = evaluate_pairs(task, drive, note, options).summary;
     EXPECT_EQ(static_cast<int64_t>(pairs.size()), s.n_pairs);
@@ -244,10 +245,9 @@ TEST(Pairs, SameForAnyNumberOfThreads) {
   const Trajectory drive = random_drive(300, 8);
   const FloatMatrix m = random_matrix(300, 5, 9);
   const Task task = make_tasks("lcdnet2", "", drive).at(0);
-  PairOptions options;
-  options.bootstrap = BootstrapOptions{.blocks = blocks_of(task, drive, kSingle), .resamples = 40};
+  BootstrapOptions options{.blocks = blocks_of(task, drive, kSingle), .resamples = 40};
   const TaskResult one = evaluate_pairs(task, drive, {m}, options);
-  options.threads = options.bootstrap->threads = 3;
+  options.threads = 3;
   int64_t last = 0;
   options.progress = [&](int64_t done, int64_t) { last = done; };
   const TaskResult three = evaluate_pairs(task, drive, {m}, options);
@@ -272,8 +272,7 @@ TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
   task.rule = {Distance::kXz, 3};
   task.stored = {0, 1, 2};
   task.queries = {{3, {CandidateRange{0, 3}, {}}}, {7, {CandidateRange{0, 3}, {}}}};
-  PairOptions options;
-  options.bootstrap = BootstrapOptions{.blocks = blocks_of(task, drive, kSingle), .resamples = 500};
+  const BootstrapOptions options{.blocks = blocks_of(task, drive, kSingle), .resamples = 500};
   const TaskResult result = evaluate_pairs(
       task, drive, by_numbers(drive, [](int64_t q, int64_t c) { return q == 3 && c > 0 ? 1 : 0; }),
       options);
@@ -321,7 +320,7 @@ TEST(Pairs, HistogramCountsEveryPair) {
 TEST(Pairs, CountsOfTheOfficialPoses) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const auto drive = [&](const char* sequence) {
-    return make_trajectory(read_kitti_poses(kitti / "poses" / str(sequence, ".txt")));
+    return trajectory_of(read_kitti_poses(kitti / "poses" / str(sequence, ".txt")));
   };
   const auto zero = [](int64_t, int64_t) { return 0.0; };
   // Pair lists published with SSC have this many lines with a 1, and 100 times as many with a 0.
@@ -351,7 +350,7 @@ TEST(Pairs, RefuseNonsense) {
   of_queries.decides_on_pairs = false;
   EXPECT_THROW(evaluate_pairs(of_queries, place.drive, nothing), Error);
   EXPECT_THROW(evaluate_pairs(place.task, Trajectory{{0, 1, 2}, {}, {}}, nothing), UsageError);
-  PairOptions options;
+  BootstrapOptions options{.resamples = 0};
   options.threads = 0;
   EXPECT_THROW(evaluate_pairs(place.task, place.drive, nothing, options), UsageError);
   for (const double bad : {std::nan(""), HUGE_VAL})

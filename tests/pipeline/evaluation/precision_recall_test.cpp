@@ -303,16 +303,5 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
   EXPECT_THROW(label_matches(matches, task, Trajectory{}, {}), UsageError);
 }
 
-TEST(PrecisionRecall, CsvHasBlanksForNaN) {
-  const TempDir dir;
-  write_precision_recall_csv(dir / "pr.csv", precision_recall({{0.5, false, false}}));
-  EXPECT_EQ(read_file(dir / "pr.csv"),
-            "threshold,tp,fp,fn,tn,precision,recall,f1\n0.5,0,1,0,0,0,,\n");
-  write_precision_recall_csv(dir / "pr.csv", precision_recall({{0.25, true, true}}));
-  EXPECT_EQ(read_file(dir / "pr.csv"),
-            "threshold,tp,fp,fn,tn,precision,recall,f1\n0.25,1,0,0,0,1,1,1\n");
-  EXPECT_THROW(write_precision_recall_csv(dir / "no" / "pr.csv", {}), Error);
-}
-
 }  // namespace
 }  // namespace revisit

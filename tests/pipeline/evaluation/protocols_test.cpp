@@ -3,6 +3,7 @@
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "testing.h"
+#include "trajectory.h"
 
 namespace revisit {
 namespace {
@@ -312,12 +313,12 @@ TEST(Protocols, CountsOfTheOfficialPoses) {
       {"00", 791, 682}, {"05", 492, 447}, {"06", 269, 270}, {"08", 332, 335}};
   for (const auto& [sequence, lcdnet1, bevplace] : table) {
     const Trajectory drive =
-        make_trajectory(read_kitti_poses(kitti / "poses" / str(sequence, ".txt")));
+        trajectory_of(read_kitti_poses(kitti / "poses" / str(sequence, ".txt")));
     EXPECT_EQ(positives("lcdnet1", sequence, drive), lcdnet1) << sequence;
     EXPECT_EQ(positives("bevplace", sequence, drive), bevplace) << sequence;
   }
-  const Trajectory drive = make_trajectory(read_kitti_poses(kitti / "poses/00.txt"),
-                                           read_kitti_times(kitti / "sequences/00/times.txt"));
+  const Trajectory drive = trajectory_of(read_kitti_poses(kitti / "poses/00.txt"),
+                                         read_kitti_times(kitti / "sequences/00/times.txt"));
   EXPECT_EQ(positives("logg3d", "00", drive), 776);
 }
 

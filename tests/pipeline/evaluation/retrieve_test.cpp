@@ -209,7 +209,7 @@ TEST(Retrieve, RefusesASimilarityThatIsNone) {
     similarities.back() = std::nan("");
   };
   expect_error<Error>([&] { retrieve(descriptors, first_stored(4, 3)); },
-                      {"scan 3 to scan 2 is not finite"});
+                      {"query 0 to entry 2 is not finite"});
   descriptors.comparison = nearness();
   EXPECT_THROW(retrieve(descriptors, first_stored(4, 3), {.threads = 0}), UsageError);
 }

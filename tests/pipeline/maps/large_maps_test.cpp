@@ -56,7 +56,7 @@ TEST(LargeMaps, RejectsInvalidIndexes) {
   expect_error<UsageError>([&] { make_hnsw_source(empty); }, {"it has no entries"});
   expect_error<UsageError>(
       [&] {
-        make_hnsw_source(PlaceIndex(4, ring_comparison({{2, 1}})));
+        make_hnsw_source(PlaceIndex(4, ring_comparison({2, 1})));
       },
       {"not compared by cosine"});
 }

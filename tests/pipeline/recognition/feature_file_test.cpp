@@ -300,15 +300,5 @@ TEST(FeatureFile, NoticesThatTheFileBecameShorter) {
   EXPECT_THROW(features.read(99, 0, 100, row.data()), InputError);
 }
 
-TEST(FeatureFile, Moves) {
-  const TempDir dir;
-  write_all(dir / "a.features", "key", 3, 2);
-  write_all(dir / "b.features", "key", 4, 2);
-  FeatureFile a(dir / "a.features"), b(dir / "b.features");
-  a = std::move(b);
-  EXPECT_EQ(a.n(), 4);
-  EXPECT_EQ(a.row(3)[1], row_of(3, 2)[1]);
-}
-
 }  // namespace
 }  // namespace revisit

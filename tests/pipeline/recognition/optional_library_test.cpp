@@ -13,14 +13,9 @@ TEST(OptionalLibrary, NamesThePackageAndTheOption) {
     expect_error<UsageError>(
         rejection, {str("this: this program was built without ", library.name),
                     str("install ", library.package, " "), str("-D", library.option, "=ON")});
-    if (library.built_in) {
-      need("this", library.name);
-    } else {
-      expect_error<UsageError>([&] { need("this", library.name); }, {"this: this program was"});
-    }
   }
   EXPECT_EQ(names, (std::set<std::string_view>{"FAISS", "OpenCV", "PCL", "libpqxx"}))
-      << "the names that need() and built_without() are called with";
+      << "the names that built_without() is called with";
 }
 
 }  // namespace

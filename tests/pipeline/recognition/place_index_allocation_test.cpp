@@ -28,13 +28,13 @@ void expect_only_the_result(int64_t dim, const Comparison& comparison,
 
 TEST(PlaceIndexMemory, AQueryAllocatesItsResultOnly) {
   expect_only_the_result(21, {});
-  const RingLayout layout{{3, 2, 5, 2}};
+  const RingLayout layout{3, 2, 5, 2};
   for (const int64_t candidates : {0, 100}) {
     Comparison rings = ring_comparison(layout, candidates);
     rings.relative_yaw = nullptr;
-    expect_only_the_result(layout.dim(), rings);
+    expect_only_the_result(dim_of(layout), rings);
     rings.same_place = 1e9;  // their length is not 1; all are distinct
-    expect_only_the_result(layout.dim(), rings, Score::kDistinctMargin);
+    expect_only_the_result(dim_of(layout), rings, Score::kDistinctMargin);
   }
 }
 

@@ -106,14 +106,15 @@ TEST(ProjectSimd, CountsThePointsOutsideOfTheImage) {
   ASSERT_GT(outside, 100);
   test::for_each_simd_target([&] {
     RangeImage image;
-    const Projected projected = project_rotated(cloud, Eigen::Matrix3f::Identity(), g, image);
-    EXPECT_EQ(projected.returns, returns);
-    EXPECT_EQ(projected.outside, outside);
-    EXPECT_DOUBLE_EQ(projected.outside_share(),
+    project_rotated(cloud, Eigen::Matrix3f::Identity(), g, image);
+    EXPECT_EQ(image.returns, returns);
+    EXPECT_EQ(image.outside, outside);
+    EXPECT_DOUBLE_EQ(image.outside_share(),
                      static_cast<double>(outside) / static_cast<double>(returns));
   });
   RangeImage image;
-  EXPECT_EQ(project_rotated({}, Eigen::Matrix3f::Identity(), g, image).outside_share(), 0);
+  project_rotated({}, Eigen::Matrix3f::Identity(), g, image);
+  EXPECT_EQ(image.outside_share(), 0);
 }
 
 TEST(ProjectSimd, MemoryIsUsedAgain) {
@@ -122,7 +123,7 @@ TEST(ProjectSimd, MemoryIsUsedAgain) {
   RangeImage image = project(random_cloud(7, 5000), g);
   const float* const memory = image.pixels.data();
   project_rotated(cloud, Eigen::Matrix3f::Identity(), g, image);
-  close_holes_in_place(image, g);
+  image = close_holes(std::move(image), g);
   EXPECT_EQ(image.pixels.data(), memory);
   EXPECT_EQ(image.pixels, close_holes(project(cloud, g), g).pixels) << "of the old image, too";
 }
@@ -145,8 +146,7 @@ TEST(Simd, TheSameBitsWithEverySetOfInstructions) {
     const ImageGeometry g;
     RangeImage image;
     project_rotated(cloud, principal_alignment(cloud).R_aligned_sensor, g, image);
-    close_holes_in_place(image, g);
-    return image.pixels;
+    return close_holes(std::move(image), g).pixels;
   };
   const std::vector<float> usual = image_of();
   test::for_each_simd_target([&] { EXPECT_EQ(image_of(), usual); });

@@ -11,11 +11,11 @@ namespace {
 using Coefficients = std::vector<std::vector<std::complex<int>>>;  // [frequency]
 
 /// Layout of a model of 1024 dimensions; a code has fewer.
-const RingLayout kMany{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
-const RingLayout kFew{{3, 2, 5, 1}};
+const RingLayout kMany{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25};
+const RingLayout kFew{3, 2, 5, 1};
 
 FloatMatrix random_descriptors(int64_t n, const RingLayout& layout) {
-  FloatMatrix all(n, layout.dim());
+  FloatMatrix all(n, dim_of(layout));
   std::mt19937 random(6);
   std::normal_distribution<float> gaussian;
   for (float& value : all.values) value = gaussian(random);
@@ -112,8 +112,8 @@ SlowCode slow_code(std::span<const float> x, const RingLayout& layout, double la
   std::vector<std::vector<std::complex<double>>> z;
   double all = 0, most = 0;
   size_t first = 0;
-  for (size_t f = 0; f < layout.counts.size(); ++f) {
-    const auto n = static_cast<size_t>(layout.counts[f]);
+  for (size_t f = 0; f < layout.size(); ++f) {
+    const auto n = static_cast<size_t>(layout[f]);
     auto& coefficients = z.emplace_back();
     if (f > 0)
       for (size_t i = first; i < first + n; ++i) coefficients.emplace_back(x[i], x[n + i]);
@@ -142,7 +142,7 @@ SlowCode slow_code(std::span<const float> x, const RingLayout& layout, double la
 /// Limit of 16-bit sums: 2^15 - 1 over 2 * 7 times the most coefficients of a frequency.
 double largest_of_query(const RingLayout& layout) {
   size_t most = 0;
-  const std::vector<float> zeros(static_cast<size_t>(layout.dim()));
+  const std::vector<float> zeros(static_cast<size_t>(dim_of(layout)));
   for (const auto& of_frequency : slow_code(zeros, layout, 1).coefficients)
     most = std::max(most, of_frequency.size());
   return std::floor(32767 / (14 * static_cast<double>(most)));
@@ -180,7 +180,7 @@ void expect_the_most_similar(const FloatMatrix& all, const RingLayout& layout,
 }
 
 TEST(RingCodes, ProposeTheMostSimilarOfTheSlowTwin) {
-  for (const RingLayout& layout : {kMany, kFew, RingLayout{{1}}, RingLayout{{0, 0, 600}}})
+  for (const RingLayout& layout : {kMany, kFew, RingLayout{1}, RingLayout{0, 0, 600}})
     for (const int64_t n : {1, 15, 17, 32, 33}) {
       const FloatMatrix all = random_descriptors(n, layout);
       for (const int64_t count : {int64_t{1}, int64_t{5}, n, n + 3})
@@ -225,9 +225,9 @@ TEST(RingCodes, TakeNumbersOfAnySize) {
 
 std::vector<float> turned_ring(std::span<const float> x, const RingLayout& layout, double angle) {
   std::vector<float> result(x.begin(), x.end());
-  size_t at = static_cast<size_t>(layout.counts[0]);
-  for (size_t f = 1; f < layout.counts.size(); ++f) {
-    const auto n = static_cast<size_t>(layout.counts[f]);
+  size_t at = static_cast<size_t>(layout[0]);
+  for (size_t f = 1; f < layout.size(); ++f) {
+    const auto n = static_cast<size_t>(layout[f]);
     for (size_t i = at; i < at + n; ++i) {
       const auto z =
           std::complex<double>(x[i], x[n + i]) * std::polar(1.0, static_cast<double>(f) * angle);
@@ -244,8 +244,8 @@ TEST(RingCodes, FindAPlaceAtAnyHeading) {
   // Low frequencies of rings vary most.
   for (int64_t i = 0; i < all.n; ++i) {
     size_t at = 0;
-    for (size_t f = 0; f < kMany.counts.size(); ++f)
-      for (int j = 0; j < (f > 0 ? 2 : 1) * kMany.counts[f]; ++j)
+    for (size_t f = 0; f < kMany.size(); ++f)
+      for (int j = 0; j < (f > 0 ? 2 : 1) * kMany[f]; ++j)
         all.row(i)[at++] /= static_cast<float>(1 + f);
   }
   RingCodes codes(kMany);

@@ -6,6 +6,7 @@
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "ring/correlation.h"
+#include "ring/describer.h"
 #include "testing.h"
 
 namespace revisit {
@@ -96,7 +97,7 @@ TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
   const RingDescriber describer(model);
   const auto describe = [&](const PointCloud& scan) {
     std::vector<float> rings(static_cast<size_t>(model.dim())),
-        descriptor(static_cast<size_t>(describer.layout().dim()));
+        descriptor(static_cast<size_t>(dim_of(describer.layout())));
     parts_of(scan, rings);
     describer.describe(rings, descriptor);
     return descriptor;

@@ -4,6 +4,7 @@
 #include "revisit/recognition/ring/descriptor.h"
 #include "revisit/recognition/ring/model.h"
 #include "ring/correlation.h"
+#include "ring/describer.h"
 #include "ring/spectrum.h"
 #include "testing.h"
 
@@ -48,7 +49,7 @@ struct Learnt {
     return RingDescriber(model, options);
   }
   FloatMatrix descriptors(const RingDescriber& describer) const {
-    FloatMatrix all(rings.n(), describer.layout().dim());
+    FloatMatrix all(rings.n(), dim_of(describer.layout()));
     for (int64_t i = 0; i < rings.n(); ++i) describer.describe(rings.row(i), all.row(i));
     return all;
   }
@@ -81,8 +82,8 @@ double slow_similarity(std::span<const float> a, std::span<const float> b,
   for (int s = 0; s < 360; ++s) {
     double sum = 0;
     size_t at = 0;
-    for (size_t f = 0; f < layout.counts.size(); ++f) {
-      const auto n = static_cast<size_t>(layout.counts[f]);
+    for (size_t f = 0; f < layout.size(); ++f) {
+      const auto n = static_cast<size_t>(layout[f]);
       for (size_t i = at; i < at + n; ++i) {
         const std::complex<double> x(a[i], f ? a[i + n] : 0), y(b[i], f ? b[i + n] : 0);
         sum +=
@@ -138,7 +139,7 @@ TEST(RingReference, ScansOfOnePlaceAreFoundAndTheirTurnToo) {
 TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
   const Learnt learnt;
   const RingDescriber describer(without_mean(learnt.model), {.dim = 60});
-  std::vector<float> a(static_cast<size_t>(describer.layout().dim())), b = a;
+  std::vector<float> a(static_cast<size_t>(dim_of(describer.layout()))), b = a;
   describer.describe(learnt.rings.row(3), a);
   for (const int quarter : {0, 1, 2, 3}) {
     // Content `shift` sectors ahead corresponds to a clockwise rotation, because azimuth decreases
@@ -150,8 +151,8 @@ TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
         << quarter;
     // Only phases change: each frequency keeps its norm.
     size_t at = 0;
-    for (size_t f = 0; f < describer.layout().counts.size(); ++f) {
-      const auto n = static_cast<size_t>(describer.layout().counts[f]) * (f ? 2 : 1);
+    for (size_t f = 0; f < describer.layout().size(); ++f) {
+      const auto n = static_cast<size_t>(describer.layout()[f]) * (f ? 2 : 1);
       double lengths[2] = {};
       for (size_t i = at; i < at + n; ++i) {
         lengths[0] += static_cast<double>(a[i]) * a[i];
@@ -167,7 +168,7 @@ TEST(RingSimilarity, IsTheLargestOverAllTurnsAndSymmetric) {
   const Learnt learnt;
   for (const int numbers : {2, 12, 60, 170, 1024}) {
     const RingDescriber describer = learnt.describer({.dim = numbers});
-    EXPECT_LE(describer.layout().dim(), numbers);
+    EXPECT_LE(dim_of(describer.layout()), numbers);
     const FloatMatrix descriptors = learnt.descriptors(describer);
     const auto similarity = ring_comparison(describer.layout()).similarity;
     for (const int64_t a : {0, 7, 33}) {
@@ -239,7 +240,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
   // Eigenvalues are 9/10, 1/2 and 1/5: with 16 frequencies of two dimensions and one of one, the
   // first feature alone fills 33.
   const RingDescriber describer(without_mean(model), {.dim = 66});
-  std::vector<float> descriptor(static_cast<size_t>(describer.layout().dim()));
+  std::vector<float> descriptor(static_cast<size_t>(dim_of(describer.layout())));
   std::vector<float> first(192), third(192);
   first.resize(304, 1.0F);
   third.resize(304, 1.0F);
@@ -251,7 +252,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     return std::sqrt(square);
   };
   EXPECT_NEAR(length_of(first), std::sqrt(0.3), 1e-5);  // the weight of this ring
-  for (size_t f = 0; f < 17; ++f) EXPECT_EQ(describer.layout().counts[f], 2) << f;
+  for (size_t f = 0; f < 17; ++f) EXPECT_EQ(describer.layout()[f], 2) << f;
 }
 
 TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
@@ -329,7 +330,7 @@ TEST(RingDescriber, HiddenSectorsHaveTheMean) {
         same[at] = (&part == parts.data() ? learnt.model.cnn : learnt.model.polar)
                        .mean[at - static_cast<size_t>(part.first)];
       }
-  std::vector<float> a(static_cast<size_t>(describer.layout().dim())), b = a;
+  std::vector<float> a(static_cast<size_t>(dim_of(describer.layout()))), b = a;
   describer.describe(hidden, a);
   describer.describe(same, b);
   for (size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-5);

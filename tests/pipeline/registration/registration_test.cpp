@@ -351,7 +351,7 @@ TEST(Registration, PointsThatAreNoReturnsChangeNothing) {
   for (size_t i = 0; i < cloud.points.size(); i += 50)
     cloud.points.insert(cloud.points.begin() + static_cast<std::ptrdiff_t>(i),
                         i % 100 == 0 ? Point{nan, 0, 0, 0} : Point{});
-  EXPECT_EQ(PreparedScan(cloud).size(), plain.size());
+  EXPECT_EQ(PreparedScan(cloud).points().size(), plain.points().size());
 }
 
 TEST(Registration, ThreadsShareScansAndAgreeBitForBit) {

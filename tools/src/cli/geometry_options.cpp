@@ -84,12 +84,12 @@ bool GeometryOptions::is_auto() const {
 std::string GeometryOptions::resolve(const std::vector<PointCloud>& scans) {
   if (!is_auto()) return "";
   const SensorFound found = find_sensor(scans);
-  const std::vector<double>& beams = found.beams.elevations;
-  const std::string seen =
-      beams.empty() ? str("no separate beams, 99 % of the points from ", signed_(found.beams.top),
-                          " to ", signed_(found.beams.bottom), " degrees")
-                    : str(beams.size(), " beams from ", signed_(beams.front()), " to ",
-                          signed_(beams.back()), " degrees");
+  const std::vector<double>& beams = found.elevations;
+  const std::string seen = beams.empty()
+                               ? str("no separate beams, 99 % of the points from ",
+                                     signed_(found.top), " to ", signed_(found.bottom), " degrees")
+                               : str(beams.size(), " beams from ", signed_(beams.front()), " to ",
+                                     signed_(beams.back()), " degrees");
   if (!found.name.empty()) {
     sensor = found.name;
     return str(seen, ": ", found.name);

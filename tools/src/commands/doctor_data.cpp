@@ -172,8 +172,8 @@ void print_scan(const fs::path& file, ScanView view) try {
   print_finding("usable points", str(std::ranges::count_if(cloud.points, is_return)));
   const Eigen::Matrix3f R_image_sensor = align_scan(cloud, view.align);
   RangeImage projected;
-  const double outside =
-      project_rotated(cloud, R_image_sensor, geometry, projected).outside_share();
+  project_rotated(cloud, R_image_sensor, geometry, projected);
+  const double outside = projected.outside_share();
   print_finding("outside", percent(outside),
                 outside > kManyOutside ? points_outside(outside, geometry, cloud) : "");
   const RangeImage closed = close_holes(projected, geometry);

@@ -40,12 +40,12 @@ void print_table(const FinishedEvaluation& evaluation, const EvalOptions& option
   std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
             << " dimensions), " << evaluation.trajectory.size() << " scans, "
             << (evaluation.reduced ? "PCA fitted on " + first.pca_fit : "no PCA");
-  if (const auto speed = frames_per_second(evaluation.result.times.describe))
+  if (const auto speed = frames_per_second(evaluation.result.describe_times))
     std::cout << ", " << number(*speed, 1) << " scans/s per thread";
   std::cout << "\n\n";
   print_results(std::cout, evaluation, options.resamples());
   std::cout << "\n";
-  print_times(evaluation.result.times, std::cout);
+  print_times(evaluation.result, std::cout);
   std::cout << "\nresults: " << evaluation.run.string() << "\n";
   if (!options.no_report)
     std::cout << "report: " << (evaluation.run / "report.html").string() << "\n";
@@ -83,10 +83,8 @@ int run_plan(const EvalOptions& options, const Arguments& arguments) {
 }
 
 int run_ground_truth(const EvalOptions& options) {
-  const LoopTruth truth = write_ground_truth(options);
-  std::cout << truth.n_positives << " of " << truth.n_queries
-            << " queries have a correct match: " << truth.pairs.size()
-            << " pairs\nground truth: " << options.ground_truth.string() << "\n";
+  std::cout << write_ground_truth(options) << "\nground truth: " << options.ground_truth.string()
+            << "\n";
   return kOk;
 }
 
@@ -97,7 +95,7 @@ int run_descriptors(const EvalOptions& options) {
             << "descriptors: " << (options.descriptors / "descriptors.npy").string() << "\n";
   print_skipped(std::cout, described.skipped, described.n);
   std::cout << "\n";
-  print_times(described.times, std::cout);
+  print_times(described.result, std::cout);
   return described.skipped.empty() ? kOk : kScansSkipped;
 }
 

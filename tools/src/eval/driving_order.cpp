@@ -90,7 +90,7 @@ class DrivingOrder {
       result_.skipped.push_back(row_);
       return;
     }
-    result_.times.recognize.push_back(visit.milliseconds);
+    result_.recognize_ms.push_back(visit.milliseconds);
     Task& task = task_result_.task;
     const auto places = std::ssize(task.stored);
     if (found.index) task.stored.push_back(row_);

@@ -261,19 +261,26 @@ FinishedEvaluation evaluate(const EvalOptions& options) {
   return write_run_folder(context, std::move(result), std::move(in.trajectory));
 }
 
-LoopTruth write_ground_truth(const EvalOptions& o) {
+std::string write_ground_truth(const EvalOptions& o) {
   const EvaluationOptions options = library_options(o);
   const Dataset dataset = o.truth.open(o.feature, needs_poses(options));
   const Trajectory trajectory = make_trajectory(dataset);
   const MatchRule rule{options.distance.value_or(Distance::kXz),
                        options.radius.value_or(MatchRule().radius)};
-  const LoopTruth truth = find_loops(trajectory, rule, options.exclusion.value_or(Exclusion()));
+  const Exclusion exclusion = options.exclusion.value_or(Exclusion());
+  const auto pairs = find_loops(trajectory, rule, exclusion);
+  std::set<int64_t> positives;
   Table table({"query", "match", "distance_m"});
-  for (const CorrectPair& pair : truth.pairs)
-    table.row({str(trajectory.frames[static_cast<size_t>(pair.query)]),
-               str(trajectory.frames[static_cast<size_t>(pair.match)]), number(pair.distance, 3)});
+  for (const auto& [query, match] : pairs) {
+    positives.insert(query);
+    table.row({str(trajectory.frames[static_cast<size_t>(query)]),
+               str(trajectory.frames[static_cast<size_t>(match)]),
+               number(distance_between(trajectory, query, match, rule.distance), 3)});
+  }
   write_atomically(o.ground_truth, [&](std::ostream& out) { table.print_csv(out); });
-  return truth;
+  const auto without = std::ranges::count(earlier_candidates(trajectory, exclusion), 0);
+  return str(positives.size(), " of ", trajectory.size() - without,
+             " queries have a correct match: ", pairs.size(), " pairs");
 }
 
 DescribedScans write_descriptors(const EvalOptions& given) {
@@ -294,13 +301,13 @@ DescribedScans write_descriptors(const EvalOptions& given) {
   warn_of_points_outside(options, source.inputs, features.alignments());
   EvaluationResult result;
   result.alignments = features.alignments();
-  result.times.describe = features.times();
+  result.describe_times = features.times();
 
   const bool fits = options.fitted_on() == "all";
   auto lap = stopwatch();
   const Descriptors descriptors = reduce(options.reduction(source), {}, features, nullptr, observer,
                                          fits ? output / "pca" : fs::path());
-  result.times.reduce.push_back(lap());
+  result.reduce_ms.push_back(lap());
   if (!descriptors.note.empty()) observer.note(descriptors.note);
   const FloatMatrix& matrix = descriptors.case1;
   proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());
@@ -317,7 +324,7 @@ DescribedScans write_descriptors(const EvalOptions& given) {
           matrix.n,
           source.extractor.dim,
           names_of(features.skipped(), dataset),
-          std::move(result.times)};
+          std::move(result)};
 }
 
 }  // namespace revisit::cli

@@ -33,14 +33,14 @@ EvaluationKey evaluation_key(const EvalOptions& options);
 FinishedEvaluation evaluate(const EvalOptions& options);
 
 /// `--ground-truth`: writes the correct pairs of each scan with earlier ones beyond the exclusion.
-/// Throws what find_loops() throws.
-LoopTruth write_ground_truth(const EvalOptions& options);
+/// Returns their number, for display. Throws what find_loops() throws.
+std::string write_ground_truth(const EvalOptions& options);
 
 struct DescribedScans {
   std::string feature, pca_fit;
   int64_t n = 0, feature_dim = 0;
   std::vector<std::string> skipped;  // names of scans
-  EvaluationTimes times;
+  EvaluationResult result;           // with times only
 };
 /// `--descriptors`. Throws what describing and reducing throw.
 DescribedScans write_descriptors(const EvalOptions& options);

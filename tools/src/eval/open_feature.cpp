@@ -52,17 +52,12 @@ FeatureExtractor scan_context(const FeatureOptions& options, const Dataset&, con
 
 FeatureExtractor fabmap(const FeatureOptions& options, const Dataset& dataset,
                         const fs::path& folder) {
-  const Observer observer = options.observer();
-  TrainingOptions training;
-  training.threads = options.thread_count();
-  training.progress = observer.stage("training words", "images");
-  training.stop = observer.stop;
   make_folder(folder);
   const Dataset images = options.training_images.empty() ? camera_images(dataset, options.images)
                                                          : image_folder(options.training_images);
   // Images of other places are samples of a new place; without them it is a mean field.
   const bool sampled = !options.training_images.empty();
-  return fabmap_features(train_vocabulary(images, training, folder), sampled);
+  return fabmap_features(images, sampled, folder, options.thread_count(), options.observer());
 }
 
 struct Baseline {

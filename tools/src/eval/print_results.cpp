@@ -84,7 +84,7 @@ void print_summary(std::ostream& out, const std::vector<TaskResult>& results, in
   }
   table.print(out);
   for (const TaskResult& r : results)
-    if (r.on_pairs())
+    if (r.task.decides_on_pairs)
       out << r.task.name << ": " << r.summary.n_pairs << " pairs, " << r.summary.n_correct_pairs
           << " of them correct\n";
   for (const TaskResult& r : results)

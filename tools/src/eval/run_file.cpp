@@ -30,8 +30,8 @@ struct StageTimes {
 };
 
 /// Omits stages without times.
-std::vector<StageTimes> stages_of(const EvaluationTimes& times) {
-  const DescribeTimes& d = times.describe;
+std::vector<StageTimes> stages_of(const EvaluationResult& result) {
+  const DescribeTimes& d = result.describe_times;
   std::vector<StageTimes> stages;
   for (const StageTimes& stage : {StageTimes{"read", d.read},
                                   {"align", d.align},
@@ -39,9 +39,9 @@ std::vector<StageTimes> stages_of(const EvaluationTimes& times) {
                                   {"close", d.close},
                                   {"feature", d.feature},
                                   {"write", d.write},
-                                  {"reduce", times.reduce},
-                                  {"retrieve", times.retrieve},
-                                  {"recognize", times.recognize}})
+                                  {"reduce", result.reduce_ms},
+                                  {"retrieve", result.retrieve_ms},
+                                  {"recognize", result.recognize_ms}})
     if (!stage.ms.empty()) stages.push_back(stage);
   return stages;
 }
@@ -136,8 +136,8 @@ void set_image(reports::RunInfo& info, const GeometryOptions& image) {
   info.set_sensor(image.sensor);
 }
 
-void set_times(reports::RunInfo& info, const EvaluationTimes& times) {
-  for (const StageTimes& stage : stages_of(times)) {
+void set_times(reports::RunInfo& info, const EvaluationResult& result) {
+  for (const StageTimes& stage : stages_of(result)) {
     const profiling::Timing timing = profiling::summarize(stage.ms);
     reports::Stage& out = *info.add_stages();
     out.set_name(stage.name);
@@ -146,8 +146,9 @@ void set_times(reports::RunInfo& info, const EvaluationTimes& times) {
     out.set_p95_ms(timing.p95);
     out.set_total_ms(sum_of(stage.ms));
   }
-  if (const auto speed = frames_per_second(times.describe)) info.set_frames_per_second(*speed);
-  if (const auto speed = scans_per_second(times.describe)) info.set_scans_per_second(*speed);
+  if (const auto speed = frames_per_second(result.describe_times))
+    info.set_frames_per_second(*speed);
+  if (const auto speed = scans_per_second(result.describe_times)) info.set_scans_per_second(*speed);
 }
 
 reports::RunInfo run_info(const RunContext& context) {
@@ -171,7 +172,7 @@ reports::RunInfo run_info(const RunContext& context) {
   }
   info.set_threads(options.thread_count());
   info.set_precision(options.precision == engine::Precision::kBf16 ? "bf16" : "float32");
-  set_times(info, context.result.times);
+  set_times(info, context.result);
   info.set_align(name_of(source.align));
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -308,17 +309,18 @@ std::optional<double> frames_per_second(const DescribeTimes& times) {
   return 1000 * static_cast<double>(times.processor.size()) / total_ms;
 }
 
-void print_times(const EvaluationTimes& times, std::ostream& out) {
+void print_times(const EvaluationResult& result, std::ostream& out) {
+  const DescribeTimes& times = result.describe_times;
   Table table({"stage", "times", "median ms", "p95 ms", "total s"});
-  for (const StageTimes& stage : stages_of(times)) {
+  for (const StageTimes& stage : stages_of(result)) {
     const profiling::Timing timing = profiling::summarize(stage.ms);
     table.row({stage.name, str(stage.ms.size()), number(timing.median, 2), number(timing.p95, 2),
                number(sum_of(stage.ms) / 1000, 1)});
   }
   table.print(out);
-  if (const auto speed = scans_per_second(times.describe))
-    out << "described " << times.describe.feature.size() << " scans in "
-        << number(times.describe.wall_ms / 1000, 1) << " s: " << number(*speed, 1) << " scans/s\n";
+  if (const auto speed = scans_per_second(times))
+    out << "described " << times.feature.size() << " scans in " << number(times.wall_ms / 1000, 1)
+        << " s: " << number(*speed, 1) << " scans/s\n";
 }
 
 }  // namespace revisit::cli

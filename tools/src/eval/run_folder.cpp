@@ -50,6 +50,15 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
 
+/// Thresholds have all digits.
+void write_curve(const fs::path& file, const std::vector<PrPoint>& curve) {
+  Table table({"threshold", "tp", "fp", "fn", "tn", "precision", "recall", "f1"});
+  for (const PrPoint& p : curve)
+    table.row({exact(p.threshold), str(p.tp), str(p.fp), str(p.fn), str(p.tn),
+               number(p.precision, 6), number(p.recall, 6), number(p.f1, 6)});
+  write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
+}
+
 void write_scans(const fs::path& file, const RunContext& context,
                  const std::vector<TaskResult>& results) {
   std::vector<std::string> stored(context.dataset.scans.size());
@@ -159,8 +168,8 @@ void write_run(const fs::path& run, const RunContext& context) {
   if (results.front().perturbed) write_perturbed(run / "perturbed.csv", results);
   for (const TaskResult& result : results) {
     if (result.perturbed) continue;
-    write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);
-    if (!result.on_pairs())
+    write_curve(run / ("pr_" + result.task.name + ".csv"), result.curve);
+    if (!result.task.decides_on_pairs)
       write_loops(run / ("loops_" + result.task.name + ".csv"), context, result);
   }
   write_atomically(run / "run.json", [&](std::ostream& out) {

@@ -53,6 +53,6 @@ reports::Curve drawn_curve(const std::vector<PrPoint>& curve);
 /// Scans per second of CPU time of one thread, from points to feature, as the paper measures.
 std::optional<double> frames_per_second(const DescribeTimes& times);
 
-void print_times(const EvaluationTimes& times, std::ostream& out);
+void print_times(const EvaluationResult& result, std::ostream& out);
 
 }  // namespace revisit::cli

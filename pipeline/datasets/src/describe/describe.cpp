@@ -124,10 +124,10 @@ class Describer {
     } else {
       const Eigen::Matrix3f R =
           is_aligned ? alignment.R_aligned_sensor : Eigen::Matrix3f(Eigen::Matrix3f::Identity());
-      const Projected projected = project_rotated(cloud_, R, options_.geometry, image_);
-      result.alignment.outside = static_cast<float>(projected.outside_share());
+      project_rotated(cloud_, R, options_.geometry, image_);
+      result.alignment.outside = static_cast<float>(image_.outside_share());
       result.ms.project = {lap()};
-      close_holes_in_place(image_, options_.geometry);
+      image_ = close_holes(std::move(image_), options_.geometry);
       result.ms.close = {lap()};
       naming_the_file(scan, [&] { of_range_image_(image_, result.feature); });
     }

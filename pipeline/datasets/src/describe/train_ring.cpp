@@ -78,14 +78,13 @@ void train_cnn_ring_of(RingModel& model, const engine::Net& net, const LayerDime
 std::vector<RingPair> neighbors(RingModel alone, const Rows& rings,
                                 const std::vector<int64_t>& scans) {
   fit_to_map(alone, rings, scans, 0);
-  const RingDescriber describer(alone);
-  const auto size = static_cast<size_t>(describer.layout().dim());
-  const auto relative_yaw = ring_comparison(describer.layout()).relative_yaw;
-  std::vector<float> last(size), next(size);
+  const Projection projection = ring_projection(alone);
+  std::vector<float> last(static_cast<size_t>(projection.dim)), next = last;
   std::vector<RingPair> pairs;
   for (size_t i = 0; i < scans.size(); ++i) {
-    describer.describe(rings.row(scans[i]), next);
-    if (i > 0) pairs.push_back({scans[i - 1], scans[i], relative_yaw(last, next)});
+    projection.describe(rings.row(scans[i]), next);
+    if (i > 0)
+      pairs.push_back({scans[i - 1], scans[i], projection.comparison.relative_yaw(last, next)});
     std::swap(last, next);
   }
   return pairs;

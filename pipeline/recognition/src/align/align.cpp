@@ -23,19 +23,18 @@ Eigen::Matrix3d covariance_of(const PointCloud& cloud) {
           ? std::array<double, 3>{}
           : std::array{double{first->x}, double{first->y}, double{first->z}};
   const size_t n = cloud.points.size();
-  const FirstMoments m = first_moments(as_floats(cloud), n, start);
-  if (m.count < 3)
-    throw InputError("alignment needs at least 3 usable points, found ", m.count, " among ", n,
+  const auto [count, x, y, z] = first_moments(as_floats(cloud), n, start);
+  if (count < 3)
+    throw InputError("alignment needs at least 3 usable points, found ", count, " among ", n,
                      " (the others are NaN or at the sensor's origin)");
 
-  std::array<double, 3> mean;
-  for (size_t i = 0; i < 3; ++i) mean[i] = start[i] + m.sum[i] / m.count;
+  const std::array mean{start[0] + x / count, start[1] + y / count, start[2] + z / count};
   const auto [xx, xy, xz, yy, yz, zz] = second_moments(as_floats(cloud), n, mean);
   Eigen::Matrix3d covariance;
   covariance << xx, xy, xz,  //
       xy, yy, yz,            //
       xz, yz, zz;
-  return covariance / m.count;
+  return covariance / count;
 }
 
 /// Flips the direction if needed, so that the first non-zero of the given components is positive.

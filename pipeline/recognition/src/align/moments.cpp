@@ -108,9 +108,9 @@ namespace revisit {
 HWY_EXPORT(first_sums);
 HWY_EXPORT(second_sums);
 
-FirstMoments first_moments(const float* points, size_t n, const std::array<double, 3>& about) {
-  const std::array<double, 4> sums = HWY_DYNAMIC_DISPATCH(first_sums)(points, n, about);
-  return {sums[0], {sums[1], sums[2], sums[3]}};
+std::array<double, 4> first_moments(const float* points, size_t n,
+                                    const std::array<double, 3>& about) {
+  return HWY_DYNAMIC_DISPATCH(first_sums)(points, n, about);
 }
 
 std::array<double, 6> second_moments(const float* points, size_t n,

@@ -47,18 +47,16 @@ double wilson_lower_end(double correct, double matches) {
   return (p + zz / 2 - z * std::sqrt(p * (1 - p) / matches + zz / (4 * matches))) / (1 + zz);
 }
 
-struct PrecisionBound {
-  double score = 0, precision = 0;
-};
-
-/// Returns bounds by descending score, down to the blocks with more incorrect than correct matches.
-std::vector<PrecisionBound> precision_bounds(const std::vector<CalibrationBlock>& blocks) {
-  std::vector<PrecisionBound> result;
+/// Scores and lower bounds of the precision from there on, by descending score, down to the blocks
+/// with more incorrect than correct matches.
+std::vector<std::pair<double, double>> precision_bounds(
+    const std::vector<CalibrationBlock>& blocks) {
+  std::vector<std::pair<double, double>> result;
   double matches = 0, correct = 0;
   for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].correct > blocks[i].matches;) {
     matches += blocks[i].matches;
     correct += blocks[i].correct;
-    result.push_back({blocks[i].lowest, wilson_lower_end(correct, matches)});
+    result.emplace_back(blocks[i].lowest, wilson_lower_end(correct, matches));
   }
   return result;
 }
@@ -150,15 +148,14 @@ std::optional<double> Calibration::threshold_for(double precision) const {
   if (!(precision > 0 && precision < 1))
     throw UsageError("precision: expected more than 0 and less than 1, found ", precision);
   std::optional<double> threshold;
-  for (const PrecisionBound& bound : precision_bounds(blocks))
-    if (bound.precision >= precision) threshold = bound.score;
+  for (const auto& [from, bound] : precision_bounds(blocks))
+    if (bound >= precision) threshold = from;
   return threshold;
 }
 
 double Calibration::max_precision() const {
   double highest = 0;
-  for (const PrecisionBound& bound : precision_bounds(blocks))
-    highest = std::max(highest, bound.precision);
+  for (const auto& [from, bound] : precision_bounds(blocks)) highest = std::max(highest, bound);
   return highest;
 }
 

@@ -127,8 +127,7 @@ RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeo
   if (mode != AlignCase::kNone) R_image_sensor = principal_alignment(cloud, mode).R_aligned_sensor;
   RangeImage image;
   project_rotated(cloud, R_image_sensor, geometry, image);
-  close_holes_in_place(image, geometry);
-  return image;
+  return close_holes(std::move(image), geometry);
 }
 
 }  // namespace revisit

@@ -14,7 +14,6 @@
 #include <utility>
 #include <vector>
 
-#include "feature/read_write_at.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/hash.h"
@@ -65,6 +64,32 @@ uint64_t checksum_of_shape(int64_t n_rows, int64_t dim) {
 uint64_t with_floats(uint64_t checksum, std::span<const float> floats) {
   for (const float value : floats) checksum = fnv1a(checksum, std::bit_cast<uint32_t>(value));
   return checksum;
+}
+
+/// Reads `size` bytes at `offset`, or fewer at the end of the file; -1 on error.
+int64_t read_at(int descriptor, void* out, int64_t size, int64_t offset) {
+  int64_t done = 0;
+  while (done < size) {
+    const ssize_t got =
+        ::pread(descriptor, static_cast<char*>(out) + done, size - done, offset + done);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return -1;
+    if (got == 0) break;
+    done += got;
+  }
+  return done;
+}
+
+/// Writes `size` bytes at `offset`. Returns false on error; errno is set.
+bool write_at(int descriptor, const void* data, int64_t size, int64_t offset) {
+  int64_t done = 0;
+  while (done < size) {
+    const ssize_t written =
+        ::pwrite(descriptor, static_cast<const char*>(data) + done, size - done, offset + done);
+    if (written < 0 && errno != EINTR) return false;
+    if (written > 0) done += written;
+  }
+  return true;
 }
 
 bool is_regular(int descriptor, int64_t* size) {
@@ -184,7 +209,7 @@ bool features_complete(const fs::path& file, const std::string& key) {
       features.read(i, 0, features.stride_, row.data());
       checksum = with_floats(checksum, row);
     }
-    std::memcpy(&expected, features.data_ + features.n_ * features.stride_, sizeof expected);
+    std::memcpy(&expected, features.data_.get() + features.n_ * features.stride_, sizeof expected);
     return checksum == expected;
   } catch (const InputError&) {
     return false;
@@ -192,40 +217,39 @@ bool features_complete(const fs::path& file, const std::string& key) {
 }
 
 FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
-  descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe would block
-  if (descriptor_ < 0) throw InputError(file_.string(), ": cannot open: ", std::strerror(errno));
-  try {
-    if (!is_regular(descriptor_, &mapped_bytes_))
-      throw InputError(file_.string(), ": is not a regular file");
-    read_header();
-    const int64_t checksum_bytes = is_written_ ? sizeof(uint64_t) : 0;
-    if (!fits(n_, stride_) ||
-        mapped_bytes_ != header_bytes_ + n_ * stride_ * kFloat + checksum_bytes)
-      throw InputError(file_.string(), ": the header says ", n_, " x ", stride_, " floats after ",
-                       header_bytes_, " bytes, but the file has ", mapped_bytes_,
-                       " bytes; it was truncated or changed, regenerate it");
-    if (header_bytes_ % kFloat != 0)
-      throw InputError(file_.string(), ": the data starts at byte ", header_bytes_,
-                       ", not a multiple of 4");
-    mapping_ =
-        ::mmap(nullptr, static_cast<size_t>(mapped_bytes_), PROT_READ, MAP_PRIVATE, descriptor_, 0);
-    if (mapping_ == MAP_FAILED) {
-      mapping_ = nullptr;
-      if (errno == ENOMEM) throw std::bad_alloc();  // the file is valid
-      throw InputError(file_.string(), ": cannot map into memory: ", std::strerror(errno));
-    }
-    data_ = static_cast<const float*>(
-        static_cast<const void*>(static_cast<const char*>(mapping_) + header_bytes_));
-  } catch (...) {
-    close();
-    throw;
+  const int opened =
+      ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe would block
+  if (opened < 0) throw InputError(file_.string(), ": cannot open: ", std::strerror(errno));
+  descriptor_.reset(new int(opened), [](const int* descriptor) {
+    ::close(*descriptor);
+    delete descriptor;
+  });
+  int64_t size = 0;
+  if (!is_regular(opened, &size)) throw InputError(file_.string(), ": is not a regular file");
+  read_header(size);
+  const int64_t checksum_bytes = is_written_ ? sizeof(uint64_t) : 0;
+  if (!fits(n_, stride_) || size != header_bytes_ + n_ * stride_ * kFloat + checksum_bytes)
+    throw InputError(file_.string(), ": the header says ", n_, " x ", stride_, " floats after ",
+                     header_bytes_, " bytes, but the file has ", size,
+                     " bytes; it was truncated or changed, regenerate it");
+  if (header_bytes_ % kFloat != 0)
+    throw InputError(file_.string(), ": the data starts at byte ", header_bytes_,
+                     ", not a multiple of 4");
+  const auto bytes = static_cast<size_t>(size);
+  void* const mapped = ::mmap(nullptr, bytes, PROT_READ, MAP_PRIVATE, opened, 0);
+  if (mapped == MAP_FAILED) {
+    if (errno == ENOMEM) throw std::bad_alloc();  // the file is valid
+    throw InputError(file_.string(), ": cannot map into memory: ", std::strerror(errno));
   }
+  const std::shared_ptr<void> mapping(mapped, [bytes](void* start) { ::munmap(start, bytes); });
+  const void* const data = static_cast<const char*>(mapped) + header_bytes_;
+  data_ = {mapping, static_cast<const float*>(data)};
 }
 
 /// Reads the header of the open file, because its name may refer to another file by now.
-void FeatureFile::read_header() {
+void FeatureFile::read_header(int64_t size) {
   std::string start(proto::kMaxNpyHeader + 12, '\0');  // 12: magic, version and length
-  const int64_t got = read_at(descriptor_, start.data(), std::ssize(start), 0);
+  const int64_t got = read_at(*descriptor_, start.data(), std::ssize(start), 0);
   if (got < 0) throw InputError(file_.string(), ": cannot read: ", std::strerror(errno));
   start.resize(static_cast<size_t>(got));
   if (start.starts_with(kMagic) && start.size() >= sizeof(FileStart)) {
@@ -239,9 +263,9 @@ void FeatureFile::read_header() {
     d_ = found.d;
     stride_ = found.d + found.extra;
     header_bytes_ = found.bytes();
-    if (header_bytes_ > mapped_bytes_) return;  // the caller reports the size
+    if (header_bytes_ > size) return;  // the caller reports the size
     key_.resize(static_cast<size_t>(found.key_bytes));
-    read_at(descriptor_, key_.data(), found.key_bytes, sizeof found);
+    read_at(*descriptor_, key_.data(), found.key_bytes, sizeof found);
     return;
   }
   FileCursor cursor(start, file_);
@@ -257,39 +281,15 @@ void FeatureFile::read_header() {
   header_bytes_ = static_cast<int64_t>(header.bytes);
 }
 
-FeatureFile::~FeatureFile() {
-  close();
-}
-
-FeatureFile::FeatureFile(FeatureFile&& other) noexcept {
-  *this = std::move(other);
-}
-
-FeatureFile& FeatureFile::operator=(FeatureFile&& other) noexcept {
-  if (this == &other) return *this;
-  close();
-  file_ = std::move(other.file_);
-  key_ = std::move(other.key_);
-  is_written_ = other.is_written_;
-  n_ = std::exchange(other.n_, 0);
-  d_ = std::exchange(other.d_, 0);
-  stride_ = other.stride_;
-  header_bytes_ = other.header_bytes_;
-  mapped_bytes_ = other.mapped_bytes_;
-  descriptor_ = std::exchange(other.descriptor_, -1);
-  mapping_ = std::exchange(other.mapping_, nullptr);
-  data_ = std::exchange(other.data_, nullptr);
-  return *this;
-}
-
-void FeatureFile::close() noexcept {
-  if (mapping_) ::munmap(std::exchange(mapping_, nullptr), static_cast<size_t>(mapped_bytes_));
-  if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+FloatMatrix FeatureFile::matrix(int64_t first, int64_t count, int64_t columns) const {
+  FloatMatrix matrix(count, columns);
+  for (int64_t i = 0; i < count; ++i) read(first + i, 0, columns, matrix.row(i).data());
+  return matrix;
 }
 
 void FeatureFile::read(int64_t i, int64_t first, int64_t count, float* out) const {
   const int64_t bytes = count * kFloat, offset = header_bytes_ + (i * stride_ + first) * kFloat;
-  const int64_t got = read_at(descriptor_, out, bytes, offset);
+  const int64_t got = read_at(*descriptor_, out, bytes, offset);
   if (got < 0)
     throw InputError(file_.string(), ": byte ", offset, ": cannot read: ", std::strerror(errno));
   if (got < bytes)

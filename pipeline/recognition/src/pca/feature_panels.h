@@ -40,7 +40,4 @@ struct Panel {
             int64_t first_column, int64_t columns, int threads);
 };
 
-void write_model(const StackedFeatures& features, const std::vector<int64_t>& fitted,
-                 const Eigenpairs& pairs, int64_t rank, const PcaOptions& options);
-
 }  // namespace revisit

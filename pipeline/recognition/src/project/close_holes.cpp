@@ -56,7 +56,7 @@ void close_columns(RangeImage& image, int window, std::vector<float>& scratch) {
 
 }  // namespace
 
-void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry) {
+RangeImage close_holes(RangeImage image, const ImageGeometry& geometry) {
   check_geometry(geometry);
   const auto [width, height] = closing_rectangle(geometry);
   if (width > image.width || height > image.height)
@@ -67,12 +67,7 @@ void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry) {
   along_rows(image, width, Extreme::kMax, scratch);
   close_columns(image, height, scratch);
   along_rows(image, width, Extreme::kMin, scratch);
-}
-
-RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry) {
-  RangeImage result = image;
-  close_holes_in_place(result, geometry);
-  return result;
+  return image;
 }
 
 }  // namespace revisit

@@ -14,19 +14,6 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::ScalableTag<float>;
 constexpr D kD;
 
-struct Largest {
-  template <class V>
-  HWY_INLINE V operator()(V a, V b) const {
-    return hn::Max(a, b);
-  }
-};
-struct Smallest {
-  template <class V>
-  HWY_INLINE V operator()(V a, V b) const {
-    return hn::Min(a, b);
-  }
-};
-
 /// out[i] = extreme(in[i], in[i + ahead]). `out` may be `in`: elements are not read after a write.
 template <class Extreme>
 HWY_INLINE void pair_up(const float* in, int64_t ahead, int64_t n, Extreme extreme, float* out) {
@@ -50,11 +37,14 @@ void slide(float* in, int64_t n, int64_t step, int64_t window, Extreme extreme, 
 
 }  // namespace
 
-void sliding_max(float* in, int64_t n, int64_t step, int64_t window, float* out) {
-  slide(in, n, step, window, Largest(), out);
-}
-void sliding_min(float* in, int64_t n, int64_t step, int64_t window, float* out) {
-  slide(in, n, step, window, Smallest(), out);
+void sliding_extreme_simd(float* in, int64_t n, int64_t step, int64_t window, Extreme extreme,
+                          float* out) {
+  if (extreme == Extreme::kMax)
+    slide(
+        in, n, step, window, [](auto a, auto b) HWY_ATTR { return hn::Max(a, b); }, out);
+  else
+    slide(
+        in, n, step, window, [](auto a, auto b) HWY_ATTR { return hn::Min(a, b); }, out);
 }
 
 }  // namespace revisit::HWY_NAMESPACE
@@ -63,15 +53,11 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace revisit {
 
-HWY_EXPORT(sliding_max);
-HWY_EXPORT(sliding_min);
+HWY_EXPORT(sliding_extreme_simd);
 
 void sliding_extreme(float* in, int64_t n, int64_t step, int64_t window, Extreme extreme,
                      float* out) {
-  if (extreme == Extreme::kMax)
-    HWY_DYNAMIC_DISPATCH(sliding_max)(in, n, step, window, out);
-  else
-    HWY_DYNAMIC_DISPATCH(sliding_min)(in, n, step, window, out);
+  HWY_DYNAMIC_DISPATCH(sliding_extreme_simd)(in, n, step, window, extreme, out);
 }
 
 }  // namespace revisit

@@ -25,8 +25,8 @@ int64_t pixel_of(const Panorama& panorama, float x, float y, float z);
 /// Writes the value of the nearest return to each pixel, if the pixel is 0 or larger. `points`
 /// [n][4] are x, y, z [m] and an unused value, rotated by `R` [3][3]. Pixels are those of
 /// pixel_of() and values are rounded from double to float, so that the image has the same bits on
-/// every CPU.
-Projected project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
-                         float* pixels);
+/// every CPU. Counts returns.
+void project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
+                    RangeImage& image);
 
 }  // namespace revisit

@@ -81,16 +81,15 @@ int64_t pixel_of(const Panorama& p, float x, float y, float z) {
   return static_cast<int64_t>(row) * p.width + column;
 }
 
-Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
-                          const ImageGeometry& geometry, RangeImage& image) {
+void project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
+                     const ImageGeometry& geometry, RangeImage& image) {
   check_geometry(geometry);
   image.width = geometry.width;
   image.height = geometry.height;
   image.pixels.assign(static_cast<size_t>(geometry.width) * static_cast<size_t>(geometry.height),
                       0);
   const Eigen::Matrix<float, 3, 3, Eigen::RowMajor> R = R_image_sensor;
-  return project_points(as_floats(cloud), cloud.points.size(), R.data(), Panorama(geometry),
-                        image.pixels.data());
+  project_points(as_floats(cloud), cloud.points.size(), R.data(), Panorama(geometry), image);
 }
 
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry) {

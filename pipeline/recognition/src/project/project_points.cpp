@@ -161,15 +161,17 @@ void project_vector(const float* points, const float* R, const Panorama& p, floa
 
 }  // namespace
 
-Projected project_points_simd(const float* points, size_t n, const float* R, const Panorama& p,
-                              float* pixels) {
+void project_points_simd(const float* points, size_t n, const float* R, const Panorama& p,
+                         RangeImage& image) {
+  float* const pixels = image.pixels.data();
   Hits hits;
   const size_t lanes = hn::Lanes(kD), whole = n / lanes * lanes;
   for (size_t i = 0; i < whole; i += lanes) project_vector(points + 4 * i, R, p, pixels, hits);
   float rest[4 * kMaxLanes] = {};  // padding at the origin: no returns
   std::copy(points + 4 * whole, points + 4 * n, rest);
   project_vector(rest, R, p, pixels, hits);
-  return {hits.returns, hits.outside};
+  image.returns = hits.returns;
+  image.outside = hits.outside;
 }
 
 }  // namespace revisit::HWY_NAMESPACE
@@ -180,9 +182,9 @@ namespace revisit {
 
 HWY_EXPORT(project_points_simd);
 
-Projected project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
-                         float* pixels) {
-  return HWY_DYNAMIC_DISPATCH(project_points_simd)(points, n, R, panorama, pixels);
+void project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
+                    RangeImage& image) {
+  HWY_DYNAMIC_DISPATCH(project_points_simd)(points, n, R, panorama, image);
 }
 
 }  // namespace revisit

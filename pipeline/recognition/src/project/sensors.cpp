@@ -11,47 +11,36 @@ namespace revisit {
 
 namespace {
 
-struct Row {
-  const char *name, *model;
-  int beams;
-  double top, bottom;                 // [deg], elevations of the outermost beams
-  double image_top, image_bottom;     // [deg]
-  int closing_width, closing_height;  // [pixels] of 4000 x 112
-};
-constexpr Row kSensors[] = {
-    {"hdl64", "Velodyne HDL-64E", 64, 2, -24.8, 3, -25, 5, 3},
-    {"hdl32", "Velodyne HDL-32E", 32, 10.67, -30.67, 34.0 / 3, -94.0 / 3, 5, 5},
-    {"vlp16", "Velodyne VLP-16", 16, 15, -15, 16, -16, 5, 9},
-    {"ouster-os0-32", "Ouster OS0-32", 32, 45, -45, 46.5, -46.5, 5, 5},
-    {"ouster-os0-64", "Ouster OS0-64", 64, 45, -45, 46, -46, 5, 3},
-    {"ouster-os0-128", "Ouster OS0-128", 128, 45, -45, 45.5, -45.5, 5, 3},
-    {"ouster-os1-64", "Ouster OS1-64", 64, 22.5, -22.5, 23, -23, 5, 3},
-    {"ouster-os1-64-gen1", "Ouster OS1-64, generation 1", 64, 16.6, -16.6, 17.5, -17.5, 5, 3},
-    {"ouster-os1-128", "Ouster OS1-128", 128, 22.5, -22.5, 23, -23, 5, 3},
-    {"ouster-os2-64", "Ouster OS2-64", 64, 11.25, -11.25, 11.5, -11.5, 5, 3},
-    {"ouster-os2-128", "Ouster OS2-128", 128, 11.25, -11.25, 11.5, -11.5, 5, 3},
-    {"pandar64", "Hesai Pandar64", 64, 15, -25, 15.5, -25.5, 5, 5},
-    {"livox-mid360", "Livox Mid-360", 0, 52, -7, 52.5, -7.5, 15, 5},
-};
-
-ImageGeometry image_of(const Row& row) {
-  ImageGeometry image;
-  image.elevation_top = row.image_top;
-  image.elevation_bottom = row.image_bottom;
-  image.closing_width = row.closing_width * 360.0 / image.width;
-  image.closing_height = row.closing_height * (row.image_top - row.image_bottom) / image.height;
-  return image;
+/// `image_top`, `image_bottom` [deg]; closing rectangle in pixels of 4000 x 112.
+Sensor sensor(const char* name, const char* model, int beams, double top, double bottom,
+              double image_top, double image_bottom, int closing_width, int closing_height) {
+  Sensor made{name, model, beams, top, bottom, {}};
+  made.image.elevation_top = image_top;
+  made.image.elevation_bottom = image_bottom;
+  made.image.closing_width = closing_width * 360.0 / made.image.width;
+  made.image.closing_height = closing_height * (image_top - image_bottom) / made.image.height;
+  return made;
 }
 
 }  // namespace
 
 const std::vector<Sensor>& sensors() {
-  static const std::vector<Sensor> all = [] {
-    std::vector<Sensor> made;
-    for (const Row& row : kSensors)
-      made.push_back({row.name, row.model, row.beams, row.top, row.bottom, image_of(row)});
-    return made;
-  }();
+  static const std::vector<Sensor> all = {
+      sensor("hdl64", "Velodyne HDL-64E", 64, 2, -24.8, 3, -25, 5, 3),
+      sensor("hdl32", "Velodyne HDL-32E", 32, 10.67, -30.67, 34.0 / 3, -94.0 / 3, 5, 5),
+      sensor("vlp16", "Velodyne VLP-16", 16, 15, -15, 16, -16, 5, 9),
+      sensor("ouster-os0-32", "Ouster OS0-32", 32, 45, -45, 46.5, -46.5, 5, 5),
+      sensor("ouster-os0-64", "Ouster OS0-64", 64, 45, -45, 46, -46, 5, 3),
+      sensor("ouster-os0-128", "Ouster OS0-128", 128, 45, -45, 45.5, -45.5, 5, 3),
+      sensor("ouster-os1-64", "Ouster OS1-64", 64, 22.5, -22.5, 23, -23, 5, 3),
+      sensor("ouster-os1-64-gen1", "Ouster OS1-64, generation 1", 64, 16.6, -16.6, 17.5, -17.5, 5,
+             3),
+      sensor("ouster-os1-128", "Ouster OS1-128", 128, 22.5, -22.5, 23, -23, 5, 3),
+      sensor("ouster-os2-64", "Ouster OS2-64", 64, 11.25, -11.25, 11.5, -11.5, 5, 3),
+      sensor("ouster-os2-128", "Ouster OS2-128", 128, 11.25, -11.25, 11.5, -11.5, 5, 3),
+      sensor("pandar64", "Hesai Pandar64", 64, 15, -25, 15.5, -25.5, 5, 5),
+      sensor("livox-mid360", "Livox Mid-360", 0, 52, -7, 52.5, -7.5, 15, 5),
+  };
   return all;
 }
 
@@ -191,9 +180,9 @@ double inside(const ImageGeometry& geometry, const std::vector<PointCloud>& scan
   int64_t returns = 0, outside = 0;
   RangeImage image;
   for (const PointCloud& scan : scans) {
-    const Projected projected = project_rotated(scan, Eigen::Matrix3f::Identity(), geometry, image);
-    returns += projected.returns;
-    outside += projected.outside;
+    project_rotated(scan, Eigen::Matrix3f::Identity(), geometry, image);
+    returns += image.returns;
+    outside += image.outside;
   }
   return returns ? 1 - static_cast<double>(outside) / static_cast<double>(returns) : 0;
 }
@@ -203,7 +192,7 @@ double mean_gap(double top, double bottom, size_t beams) {
 }
 
 /// [deg], or infinity. The highest beams may be missing (sky).
-double distance(const Beams& found, const Sensor& sensor) {
+double distance(const SensorFound& found, const Sensor& sensor) {
   constexpr double kNo = std::numeric_limits<double>::infinity();
   const size_t n = found.elevations.size();
   if (!n) {
@@ -225,7 +214,7 @@ double distance(const Beams& found, const Sensor& sensor) {
 }
 
 /// Makes an image half a beam larger than the beams, in half degrees, with 99 % of the returns.
-ImageGeometry own_image(const Beams& found) {
+ImageGeometry own_image(const SensorFound& found) {
   const std::vector<double>& beams = found.elevations;
   ImageGeometry image;
   double top = found.top, bottom = found.bottom, gap = 0;
@@ -248,31 +237,30 @@ ImageGeometry own_image(const Beams& found) {
 
 }  // namespace
 
-Beams find_beams(const std::vector<PointCloud>& scans) {
+SensorFound find_beams(const std::vector<PointCloud>& scans) {
   const std::vector<double> elevations = elevations_of(scans);
-  Beams beams;
-  if (elevations.empty()) return beams;
+  SensorFound found;
+  if (elevations.empty()) return found;
   const auto last = static_cast<double>(elevations.size() - 1);
-  beams.top = elevations[static_cast<size_t>(std::ceil(0.995 * last))];
-  beams.bottom = elevations[static_cast<size_t>(std::floor(0.005 * last))];
-  beams.elevations = beams_by_elevation(elevations);
-  if (beams.elevations.empty()) beams.elevations = beams_by_order(scans.front());
-  return beams;
+  found.top = elevations[static_cast<size_t>(std::ceil(0.995 * last))];
+  found.bottom = elevations[static_cast<size_t>(std::floor(0.005 * last))];
+  found.elevations = beams_by_elevation(elevations);
+  if (found.elevations.empty()) found.elevations = beams_by_order(scans.front());
+  return found;
 }
 
 SensorFound find_sensor(const std::vector<PointCloud>& scans) {
   constexpr double kMaxPoints = 0.97;
-  SensorFound found;
-  found.beams = find_beams(scans);
+  SensorFound found = find_beams(scans);
   double nearest = std::numeric_limits<double>::infinity();
   for (const Sensor& sensor : sensors()) {
-    const double far = distance(found.beams, sensor);
+    const double far = distance(found, sensor);
     if (far >= nearest || inside(sensor.image, scans) < kMaxPoints) continue;
     nearest = far;
     found.name = sensor.name;
     found.image = sensor.image;
   }
-  if (found.name.empty()) found.image = own_image(found.beams);
+  if (found.name.empty()) found.image = own_image(found);
   found.inside = inside(found.image, scans);
   return found;
 }

@@ -9,35 +9,25 @@
 
 namespace revisit {
 
-Score parse_score(const std::string& text) {
-  if (text == "margin") return Score::kMargin;
-  if (text == "distinct-margin") return Score::kDistinctMargin;
-  if (text == "similarity") return Score::kSimilarity;
-  if (text == "verified") return Score::kVerified;
-  throw UsageError(
-      str("score: expected margin, distinct-margin or similarity, found '", text, "'"));
-}
-
-const char* name_of(Score score) {
-  switch (score) {
-    case Score::kMargin:
-      return "margin";
-    case Score::kDistinctMargin:
-      return "distinct-margin";
-    case Score::kVerified:
-      return "verified";
-    case Score::kSimilarity:
-      break;
-  }
-  return "similarity";
-}
-
 namespace {
 
+// Names in the order of Score.
+constexpr const char* kScores[] = {"margin", "distinct-margin", "similarity", "verified"};
 // Names in the order of Exclusion::Kind.
 constexpr const char* kExclusions[] = {"none", "frames", "seconds", "meters"};
 
 }  // namespace
+
+Score parse_score(const std::string& text) {
+  const auto* const found = std::ranges::find(kScores, text);
+  if (found == std::end(kScores))
+    throw UsageError("score: expected margin, distinct-margin or similarity, found '", text, "'");
+  return static_cast<Score>(found - kScores);
+}
+
+const char* name_of(Score score) {
+  return kScores[static_cast<size_t>(score)];
+}
 
 Exclusion parse_exclusion(const std::string& text, const char* what) {
   if (text == "none") return {Exclusion::Kind::kNone, 0};

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "retrieve/place_search.h"
+#include "retrieve/shortlist.h"
 #include "revisit/recognition/matrix.h"
 
 namespace revisit {
@@ -120,37 +120,5 @@ void PlaceIndex::set_candidate_source(std::unique_ptr<CandidateSource> source, i
   source_ = std::move(source);
   from_source_ = count;
 }
-
-Match PlaceIndex::best(std::span<const float> query, std::span<const CandidateRange> candidates,
-                       const SearchOptions& options) const {
-  PlaceSearch search(*this, options);
-  const Query one{query, candidates};
-  Match match;
-  search.answer({&one, 1}, 0, {&match, 1});
-  return match;
-}
-
-std::vector<Match> PlaceIndex::best_of_many(std::span<const Query> queries,
-                                            const SearchOptions& options) const {
-  PlaceSearch search(*this, options);
-  std::vector<Match> matches(queries.size());
-  for (size_t first = 0; first < queries.size();) {
-    if (options.stop && options.stop()) throw Interrupted("retrieval stopped");
-    const size_t count = std::min(search.max_batch(), queries.size() - first);
-    search.answer(queries.subspan(first, count), static_cast<int64_t>(first),
-                  std::span(matches).subspan(first, count));
-    first += count;
-    if (options.progress)
-      options.progress(static_cast<int64_t>(first), static_cast<int64_t>(queries.size()));
-  }
-  return matches;
-}
-
-NotFinite::NotFinite(int64_t of_query, int64_t to_place, double found)
-    : Error("the similarity of query ", of_query, " to place ", to_place,
-            " is not finite: ", found),
-      query(of_query),
-      place(to_place),
-      similarity(found) {}
 
 }  // namespace revisit

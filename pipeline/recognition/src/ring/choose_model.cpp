@@ -114,10 +114,10 @@ std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans
   if (std::ranges::all_of(scans, [](const PointCloud& scan) { return scan.points.empty(); }))
     throw UsageError("choosing a ring model: expected scans with points, found none");
   const SensorFound found = find_sensor(scans);
-  const size_t beams = found.beams.elevations.size();
+  const size_t beams = found.elevations.size();
   const std::string seen =
-      str(beams > 0 ? str(beams, " beams") : "no separate beams", ", ",
-          std::lround(found.beams.bottom), " to ", std::lround(found.beams.top), " degrees");
+      str(beams > 0 ? str(beams, " beams") : "no separate beams", ", ", std::lround(found.bottom),
+          " to ", std::lround(found.top), " degrees");
   const std::vector<std::string> models = shipped_ring_models();
   if (std::ranges::count(models, found.name) > 0) return {found.name, seen};
   std::vector<Fit> fits;

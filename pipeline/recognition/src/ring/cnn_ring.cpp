@@ -88,7 +88,7 @@ void CnnRingPlan::Runner::forward(const PointCloud& leveled) {
   const double rows_a_degree =
       geometry.height / (geometry.elevation_top - geometry.elevation_bottom);
   fill_between_beams(image_, static_cast<int>(kMaxGap * rows_a_degree));
-  close_holes_in_place(image_, geometry);
+  image_ = close_holes(std::move(image_), geometry);
   const int margin = plan_.margin_;
   const auto width = static_cast<size_t>(geometry.width);
   continued_.resize((width + 2 * margin) * geometry.height);

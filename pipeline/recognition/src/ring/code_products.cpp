@@ -1,6 +1,3 @@
-#include <cmath>
-#include <numbers>
-
 #include "ring/codes.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -8,29 +5,6 @@
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
 #include <hwy/highway.h>
-
-#ifndef REVISIT_RING_CODE_WAVES
-#define REVISIT_RING_CODE_WAVES
-namespace revisit {
-
-/// Cosines and sines of all frequencies at yaw angles of a quarter revolution. Symmetry gives the
-/// others: at -t the sines change sign; at 180 deg - t the odd frequencies, too.
-struct CodeWaves {
-  static constexpr int kTurns = kCodeYaws / 4 + 1;
-  std::array<std::array<float, kRingFrequencies>, kTurns> cosines, sines;
-
-  CodeWaves() {
-    for (size_t t = 0; t < kTurns; ++t)
-      for (size_t f = 0; f < kRingFrequencies; ++f) {
-        const double angle = 2 * std::numbers::pi * static_cast<double>(f * t) / kCodeYaws;
-        cosines[t][f] = static_cast<float>(std::cos(angle));
-        sines[t][f] = static_cast<float>(std::sin(angle));
-      }
-  }
-};
-
-}  // namespace revisit
-#endif
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::HWY_NAMESPACE {
@@ -88,14 +62,14 @@ HWY_INLINE void to_floats(const int16_t* whole, float* floats) {
 HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const CodeWaves& waves,
                                      size_t first) {
   auto largest = hn::Zero(kFloat);
-  for (size_t t = 0; t < CodeWaves::kTurns; ++t) {
-    const float *const cosines = waves.cosines[t].data(), *const sines = waves.sines[t].data();
+  for (size_t t = 0; t < CodeWaves::kSize; ++t) {
     auto even_cosine = hn::Load(kFloat, of.real[0] + first), odd_cosine = hn::Zero(kFloat),
          even_sine = hn::Zero(kFloat), odd_sine = hn::Zero(kFloat);
     const auto add = [&](size_t f, auto& cosine, auto& sine) HWY_ATTR {
-      cosine =
-          hn::MulAdd(hn::Set(kFloat, cosines[f]), hn::Load(kFloat, of.real[f] + first), cosine);
-      sine = hn::MulAdd(hn::Set(kFloat, sines[f]), hn::Load(kFloat, of.imaginary[f] + first), sine);
+      cosine = hn::MulAdd(hn::Set(kFloat, waves.cosines[f][t]),
+                          hn::Load(kFloat, of.real[f] + first), cosine);
+      sine = hn::MulAdd(hn::Set(kFloat, waves.sines[f][t]),
+                        hn::Load(kFloat, of.imaginary[f] + first), sine);
     };
     for (size_t f = 1; f < kRingFrequencies; f += 2) {
       add(f, odd_cosine, odd_sine);

@@ -17,7 +17,7 @@ static_assert(kEntriesPerBlock % kCodesPerGroup == 0);
 
 /// Two coefficients of frequency 0, which are real, make one complex coefficient.
 int64_t coefficients_of(const RingLayout& layout, size_t f) {
-  return f > 0 ? layout.counts[f] : (layout.counts[f] + 1) / 2;
+  return f > 0 ? layout[f] : (layout[f] + 1) / 2;
 }
 
 }  // namespace
@@ -33,13 +33,13 @@ struct RingCodes::Memory {
 
 RingCodes::RingCodes(const RingLayout& layout) {
   int64_t all = 0;
-  for (size_t f = 0; f < layout.counts.size(); ++f) all += coefficients_of(layout, f);
+  for (size_t f = 0; f < layout.size(); ++f) all += coefficients_of(layout, f);
   size_t first = 0;
-  for (size_t f = 0; f < layout.counts.size(); ++f) {
+  for (size_t f = 0; f < layout.size(); ++f) {
     const int64_t count = coefficients_of(layout, f);
     const int64_t taken =
         all <= kCodeCoefficients ? count : (count * kCodeCoefficients + all / 2) / all;
-    const auto parts = static_cast<size_t>(layout.counts[f]);
+    const auto parts = static_cast<size_t>(layout[f]);
     for (int64_t i = 0; i < taken; ++i) {
       const auto coefficient = static_cast<size_t>(i * count / taken);
       if (f > 0)

@@ -9,13 +9,15 @@
 
 #include "revisit/recognition/match.h"
 #include "revisit/recognition/ring/descriptor.h"
-#include "ring/spectrum.h"
+#include "ring/correlation.h"
 
 namespace revisit {
 
 /// Codes of this many places are interleaved, coefficient by coefficient.
 inline constexpr int64_t kCodesPerGroup = 32;
 inline constexpr int kCodeYaws = 32;
+/// A quarter revolution: at -t the sines change sign; at 180 deg - t the odd frequencies, too.
+using CodeWaves = RingWaves<kCodeYaws, kCodeYaws / 4 + 1>;
 /// Real and imaginary parts of a code are in -kMaxPart .. kMaxPart, 4 bits each in a byte,
 /// real part in the low bits.
 inline constexpr int kMaxPart = 7;

@@ -1,41 +1,10 @@
 #include "ring/correlation.h"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <numbers>
-
-#include "ring/spectrum.h"
-
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "ring/correlation.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
 #include <hwy/highway.h>
-
-#ifndef REVISIT_RING_WAVES
-#define REVISIT_RING_WAVES
-namespace revisit {
-
-/// Cosines and sines of half a revolution. A correlation is sum(real cos) - sum(imaginary sin); at
-/// the opposite angle the sines change sign. The last vector is padded with the last angle.
-struct Waves {
-  static constexpr size_t kTurns = kRingYaws / 2 + 1, kPadded = (kTurns + 15) / 16 * 16;
-  alignas(64) std::array<std::array<float, kPadded>, kRingFrequencies> cosines, sines;
-
-  Waves() {
-    for (size_t f = 0; f < kRingFrequencies; ++f)
-      for (size_t s = 0; s < kPadded; ++s) {
-        const double angle =
-            2 * std::numbers::pi * static_cast<double>(f * std::min(s, kTurns - 1)) / kRingYaws;
-        cosines[f][s] = static_cast<float>(std::cos(angle));
-        sines[f][s] = static_cast<float>(std::sin(angle));
-      }
-  }
-};
-
-}  // namespace revisit
-#endif
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::HWY_NAMESPACE {
@@ -84,16 +53,16 @@ HWY_INLINE void cross(const float* a, const float* b, size_t count, bool is_comp
 }
 
 float largest_correlation(const float* a, const float* b, const RingLayout& layout,
-                          const Waves& waves) {
+                          const HalfTurn& waves) {
   float real[kRingFrequencies], imaginary[kRingFrequencies];
   for (size_t f = 0; f < kRingFrequencies; ++f) {
-    const auto count = static_cast<size_t>(layout.counts[f]);
+    const auto count = static_cast<size_t>(layout[f]);
     cross(a, b, count, f > 0, real[f], imaginary[f]);
     a += f > 0 ? 2 * count : count;
     b += f > 0 ? 2 * count : count;
   }
   V largest = hn::Set(kD, -2.0F);
-  for (size_t s = 0; s < Waves::kPadded; s += hn::Lanes(kD)) {
+  for (size_t s = 0; s < HalfTurn::kSize; s += hn::Lanes(kD)) {
     V even = hn::Zero(kD), odd = hn::Zero(kD);
     for (size_t f = 0; f < kRingFrequencies; ++f) {
       even = hn::MulAdd(hn::Set(kD, real[f]), hn::Load(kD, waves.cosines[f].data() + s), even);
@@ -106,7 +75,7 @@ float largest_correlation(const float* a, const float* b, const RingLayout& layo
 
 void largest_correlations_simd(const float* a, std::span<const float* const> rows,
                                const RingLayout& layout, std::span<double> largest,
-                               const Waves& waves) {
+                               const HalfTurn& waves) {
   for (size_t i = 0; i < rows.size(); ++i)
     largest[i] = static_cast<double>(largest_correlation(a, rows[i], layout, waves));
 }
@@ -122,7 +91,7 @@ HWY_EXPORT(largest_correlations_simd);
 
 void max_correlations(const float* a, std::span<const float* const> rows, const RingLayout& layout,
                       std::span<double> largest) {
-  static const Waves waves;
+  static const HalfTurn waves;
   HWY_DYNAMIC_DISPATCH(largest_correlations_simd)(a, rows, layout, largest, waves);
 }
 

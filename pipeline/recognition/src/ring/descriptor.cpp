@@ -9,7 +9,7 @@
 #include "revisit/base/error.h"
 #include "ring/codes.h"
 #include "ring/correlation.h"
-#include "ring/spectrum.h"
+#include "ring/describer.h"
 
 namespace revisit {
 
@@ -24,8 +24,8 @@ struct Correlation {
 
   Correlation(std::span<const float> a, std::span<const float> b, const RingLayout& layout) {
     size_t first = 0;
-    for (size_t f = 0; f < layout.counts.size(); ++f) {
-      const auto count = static_cast<size_t>(layout.counts[f]);
+    for (size_t f = 0; f < layout.size(); ++f) {
+      const auto count = static_cast<size_t>(layout[f]);
       const auto at = [&](std::span<const float> x, size_t i) {
         return std::complex<double>(x[first + i], f > 0 ? x[first + count + i] : 0);
       };
@@ -50,9 +50,9 @@ struct Correlation {
 
 }  // namespace
 
-int64_t RingLayout::dim() const {
+int64_t dim_of(const RingLayout& layout) {
   int64_t sum = 0;
-  for (size_t f = 0; f < counts.size(); ++f) sum += (f == 0 ? 1 : 2) * int64_t{counts[f]};
+  for (size_t f = 0; f < layout.size(); ++f) sum += (f == 0 ? 1 : 2) * int64_t{layout[f]};
   return sum;
 }
 
@@ -78,11 +78,11 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
 }
 
 Comparison ring_comparison(const RingLayout& layout, int64_t candidates) {
-  if (layout.counts.size() > kRingFrequencies)
+  if (layout.size() > kRingFrequencies)
     throw UsageError("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
-                     layout.counts.size());
+                     layout.size());
   RingLayout whole = layout;
-  whole.counts.resize(kRingFrequencies);
+  whole.resize(kRingFrequencies);
   Comparison rings;
   rings.similarity = [whole](std::span<const float> query,
                              std::span<const std::span<const float>> places,
@@ -113,47 +113,29 @@ void check_options(const RingOptions& options) {
     throw UsageError("ring blend: expected 0 to 1, found ", options.blend);
 }
 
-struct RingDescriber::Impl {
-  std::array<std::vector<float>, 2> means;
-  std::array<double, 2> shares;  // weights of the rings in a descriptor's squared length
-  std::array<RingPart, 2> parts;
-  std::array<Spectrum, 2> spectra;
-  std::array<RingProjection, 2> projections;
-  RingLayout layout;
-};
-
-RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options) {
+RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options)
+    : means_{model.cnn.mean, model.polar.mean},
+      shares_{model.cnn_weight, 1 - model.cnn_weight},
+      parts_(parts_of(model)),
+      spectra_{Spectrum(model.cnn.sectors), Spectrum(model.polar.sectors)} {
   check_options(options);
-  const auto projection = [&](const RingStatistics& ring) {
-    return project_rings(ring, options.regularization, options.dim / 2);
-  };
-  Impl impl{{model.cnn.mean, model.polar.mean},
-            {model.cnn_weight, 1 - model.cnn_weight},
-            parts_of(model),
-            {Spectrum(model.cnn.sectors), Spectrum(model.polar.sectors)},
-            {projection(model.cnn), projection(model.polar)},
-            {}};
+  for (size_t part = 0; part < 2; ++part)
+    projections_[part] =
+        project_rings(part == 0 ? model.cnn : model.polar, options.regularization, options.dim / 2);
   for (size_t f = 0; f < kRingFrequencies; ++f)
-    impl.layout.counts.push_back(
-        static_cast<int>(impl.projections[0][f].rows() + impl.projections[1][f].rows()));
-  impl_ = std::make_shared<const Impl>(std::move(impl));
-}
-
-const RingLayout& RingDescriber::layout() const {
-  return impl_->layout;
+    layout_.push_back(static_cast<int>(projections_[0][f].rows() + projections_[1][f].rows()));
 }
 
 void RingDescriber::describe(std::span<const float> rings, std::span<float> descriptor) const {
   const float twice = std::numbers::sqrt2_v<float>;
   std::array<std::vector<Eigen::VectorXcf>, 2> z;  // [frequency] [kept]
   for (size_t part = 0; part < 2; ++part) {
-    const RingPart& ring = impl_->parts[part];
-    const Eigen::MatrixXcf x =
-        impl_->spectra[part].of(rings.data(), impl_->means[part].data(), ring);
+    const RingPart& ring = parts_[part];
+    const Eigen::MatrixXcf x = spectra_[part].of(rings.data(), means_[part].data(), ring);
     double square = 0;
     for (Eigen::Index f = 0; f < x.rows(); ++f) {
-      Eigen::VectorXcf& of_frequency = z[part].emplace_back(
-          impl_->projections[part][static_cast<size_t>(f)] * x.row(f).transpose());
+      Eigen::VectorXcf& of_frequency =
+          z[part].emplace_back(projections_[part][static_cast<size_t>(f)] * x.row(f).transpose());
       // Frequencies above 0 also represent their negative counterparts.
       if (f == 0)
         of_frequency.imag().setZero();
@@ -161,18 +143,29 @@ void RingDescriber::describe(std::span<const float> rings, std::span<float> desc
         of_frequency *= twice;
       square += static_cast<double>(of_frequency.squaredNorm());
     }
-    const auto scale =
-        square > 0 ? static_cast<float>(std::sqrt(impl_->shares[part] / square)) : 0.0F;
+    const auto scale = square > 0 ? static_cast<float>(std::sqrt(shares_[part] / square)) : 0.0F;
     for (Eigen::VectorXcf& of_frequency : z[part]) of_frequency *= scale;
   }
   float* to = descriptor.data();
-  for (size_t f = 0; f < impl_->layout.counts.size(); ++f) {
+  for (size_t f = 0; f < layout_.size(); ++f) {
     for (const auto& part : z)
       for (const std::complex<float> value : part[f]) *to++ = value.real();
     if (f == 0) continue;
     for (const auto& part : z)
       for (const std::complex<float> value : part[f]) *to++ = value.imag();
   }
+}
+
+Projection ring_projection(const RingModel& model, const RingOptions& options) {
+  const auto describer = std::make_shared<const RingDescriber>(model, options);
+  Projection projection;
+  projection.dim = dim_of(describer->layout());
+  projection.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
+    describer->describe(rings, descriptor);
+  };
+  projection.comparison = ring_comparison(describer->layout(), options.candidates);
+  projection.content = ring_model_content(model);
+  return projection;
 }
 
 }  // namespace revisit

@@ -7,8 +7,8 @@
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "revisit/recognition/ring/model.h"
+#include "ring/describer.h"
 #include "ring/extraction.h"
-#include "ring/spectrum.h"
 
 namespace revisit {
 ImageGeometry ring_geometry(const std::string& sensor) {
@@ -74,23 +74,6 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
   return extractor;
 }
 
-namespace {
-
-Projection projection_of(const RingModel& fitted, const RingOptions& options) {
-  const RingDescriber describer(fitted, options);
-  const RingLayout& layout = describer.layout();
-  Projection projection;
-  projection.dim = layout.dim();
-  projection.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
-    describer.describe(rings, descriptor);
-  };
-  projection.comparison = ring_comparison(layout, options.candidates);
-  projection.content = ring_model_content(fitted);
-  return projection;
-}
-
-}  // namespace
-
 FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const engine::PlanOptions& forward) {
   check_options(options);
@@ -101,14 +84,14 @@ FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
     fitted.calibration
         .reset();  // maps with one projection can be merged, whatever their calibration
     fit_to_map(fitted, rings, fit_rows, options.blend);
-    return projection_of(fitted, options);
+    return ring_projection(fitted, options);
   };
   extractor.open_projection = [options, dim = extractor.dim](const std::string& content) {
     const RingModel fitted = parse_ring_model(content, "the descriptor projection");
     if (fitted.dim() != dim)  // an untrusted map may have another size
       throw InputError("the descriptor projection is for features of ", fitted.dim(),
                        " floats, expected ", dim);
-    return projection_of(fitted, options);
+    return ring_projection(fitted, options);
   };
   extractor.comparison = ring_comparison({});  // cosine does not compare its descriptors
   const RingOptions usual;                     // the options of shipped calibrations

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <span>
 #include <string>
 #include <utility>
@@ -72,30 +71,13 @@ FeatureExtractor esf_features();
 // FAB-MAP (M. Cummins, P. Newman: FAB-MAP: Probabilistic Localization and Mapping in the Space of
 // Appearance, IJRR 27(6), 2008). Builds without OpenCV throw UsageError.
 
-struct TrainingOptions {
-  int words = 400;
-  int images = 400;              // training images, evenly spaced
-  int64_t descriptors = 60'000;  // clustered, evenly spaced over those images
-  uint64_t seed = 1;
-  int threads = 1;
-  std::function<void(int64_t done, int64_t total)> progress;  // [images]
-  std::function<bool()> stop;                                 // true: throw Interrupted
-};
-
-struct WordModel {
-  FloatMatrix vocabulary;  // [words][128]
-  FloatMatrix images;      // [images][words], for the Chow-Liu tree
-  std::string key;         // identifies the training data and options
-};
-
-/// Trains on camera_images(), or loads an equal earlier result from `folder`. The result does not
-/// depend on the number of threads. Throws InputError if images cannot be read or show too little,
-/// Error if the folder cannot be written, and Interrupted.
-WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options,
-                           const std::filesystem::path& folder);
-
-/// The words of a camera image, compared by the probability of the same place. `sampled`: the
-/// likelihood of a new place comes from the training images, which must show other places.
-FeatureExtractor fabmap_features(const WordModel& model, bool sampled = false);
+/// 400 words of a camera image, compared by the probability of the same place. They are trained on
+/// `images`, those of camera_images(), or loaded from an equal earlier result in `folder`.
+/// `sampled`: the likelihood of a new place comes from the training images, which must show other
+/// places. The result does not depend on the number of threads. Throws InputError if images cannot
+/// be read or show too little, Error if the folder cannot be written, and Interrupted.
+FeatureExtractor fabmap_features(const Dataset& images, bool sampled,
+                                 const std::filesystem::path& folder, int threads = 1,
+                                 const Observer& observer = {});
 
 }  // namespace revisit

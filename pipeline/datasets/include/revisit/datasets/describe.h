@@ -43,7 +43,7 @@ struct AlignmentRecord {
   float eigenvalue_ratio = 0;
   float abs_t11 = 0;
   float mirrored_choice = 0;  // 0 or 1
-  float outside = 0;          // Projected::outside_share(); NaN without a range image
+  float outside = 0;          // RangeImage::outside_share(); NaN without a range image
   float described = 1;        // 0: the scan could not be described, its feature is all zero
 };
 

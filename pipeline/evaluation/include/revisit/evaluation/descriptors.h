@@ -42,6 +42,15 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
                    DatasetFeatures* case2, const Observer& observer,
                    const std::filesystem::path& model_folder = {});
 
+/// As reduce(), kept in the folder `cache` (empty: not kept), from which features are not needed.
+Descriptors cached_or_reduced(const ReductionOptions& options, const Task& task,
+                              DatasetFeatures& case1, DatasetFeatures* case2,
+                              const Observer& observer, const std::filesystem::path& cache);
+
+/// Rows of scans that cannot be described in one of the cases. Describes the scans first if
+/// necessary.
+std::vector<int64_t> skipped_rows(DatasetFeatures& case1, DatasetFeatures* case2);
+
 /// Alignment cases in which queries are described; stored scans always use case 1.
 enum class QueryCase { kAsStored, kTwo, kBoth };
 

@@ -36,13 +36,6 @@ struct EvaluationOptions {
   bool keep_descriptors = false;  // in the cache
 };
 
-struct PairOptions {
-  int threads = 1;  // does not affect the result
-  std::optional<BootstrapOptions> bootstrap;
-  std::function<void(int64_t done, int64_t total)> progress;  // in queries
-  std::function<bool()> stop;                                 // true: throw Interrupted
-};
-
 /// Histogram of scores: bin i is [low + i width, low + (i + 1) width).
 struct ScoreHistogram {
   static constexpr int kBins = 60;
@@ -85,7 +78,6 @@ struct TaskResult {
   std::optional<PerturbedFigures> perturbed;
   int64_t n_skipped = 0;  // neither stored nor queried
 
-  bool on_pairs() const { return task.decides_on_pairs; }
   /// Per query: score >= threshold of the maximum F1. All false without a threshold.
   std::vector<bool> accepted() const;
 };
@@ -95,39 +87,34 @@ struct TaskResult {
 /// `negatives_per_positive` incorrect pairs are drawn at random with a fixed seed. Similarities are
 /// compared as floats: 82 MB for all pairs of 4541 scans. Candidates that compact codes exclude
 /// have similarity -1. Only the descriptors of alignment case 1 are compared. Fills summary,
-/// intervals (resampled over queries, each with all of its pairs), blocks, histogram, and the curve
-/// (like precision_recall(), thinned to about 1000 points).
+/// intervals and blocks (resampled over queries, each with all of its pairs; not for 0 resamples),
+/// histogram, and the curve (like precision_recall(), thinned to about 1000 points).
 ///
 /// Throws UsageError if the trajectory has no positions (or places) or there are more than 2^27
 /// pairs, and Error if a descriptor or a similarity is not finite, if the descriptors do not belong
 /// to the trajectory, or if the task decides per query.
 TaskResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
-                          const Descriptors& descriptors, const PairOptions& options = {});
+                          const Descriptors& descriptors,
+                          const BootstrapOptions& options = {.resamples = 0});
 
 /// Evaluates the matches of a task that decides per query and fills the members of `result` that
 /// depend on them. Throws Interrupted, and what label_matches() and blocks_of() throw.
 void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
              const std::function<bool()>& stop);
 
-/// Durations for scans described by an earlier run are those of that run.
-struct EvaluationTimes {
-  DescribeTimes describe;
-  std::vector<double> reduce, retrieve;  // [ms] per task, summed over threads
-  std::vector<double> recognize;         // [ms] per scan, in driving order
-};
-
 struct EvaluationResult {
   std::vector<TaskResult> tasks;
   std::vector<AlignmentRecord> alignments;  // per scan, as stored
   std::vector<int64_t> skipped;             // rows
-  EvaluationTimes times;
+  // Durations. For scans described by an earlier run they are those of that run.
+  DescribeTimes describe_times;
+  std::vector<double> reduce_ms, retrieve_ms;  // per task, summed over threads
+  std::vector<double> recognize_ms;            // per scan, in driving order
 };
 
 /// Throws what make_tasks() throws, and UsageError for a duplicate task or without distances.
 std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::string& sequence,
                                    const Trajectory& trajectory);
-
-class TaskDescriptors;
 
 /// Describes all scans, retrieves and evaluates; cached results are not computed again.
 ///
@@ -155,7 +142,8 @@ class Evaluation {
 
  private:
   bool needs_case2() const;
-  TaskResult evaluate(const Task& task, TaskDescriptors& all, EvaluationTimes& times);
+  const Descriptors& descriptors_of(const Task& task, DatasetFeatures* case2);
+  TaskResult evaluate(const Task& task, const Descriptors& descriptors, EvaluationResult& whole);
   QueryCase query_case_of(const Task& task) const;
   void note_once(const std::string& text);
 
@@ -165,6 +153,8 @@ class Evaluation {
   Observer observer_;
   DatasetFeatures case1_;  // as stored: case 1, or not aligned
   DatasetFeatures case2_;
+  std::optional<Descriptors> descriptors_;  // of the last task
+  std::vector<int64_t> stored_;             // by that task
   std::set<std::string> said_;
 };
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "revisit/datasets/dataset.h"
@@ -65,9 +66,6 @@ struct Trajectory {
 
 /// Throws InputError if the frames are not strictly increasing or a position is not finite.
 Trajectory make_trajectory(const Dataset& dataset);
-/// Frame i has pose i. Throws InputError unless `times` is empty or has at least one per pose.
-Trajectory make_trajectory(const std::vector<Pose>& T_world_cam,
-                           const std::vector<double>& times = {});
 
 double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind);
 /// `a` and `b` are rows. Throws Error for kPairs.
@@ -88,28 +86,15 @@ std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Excl
 /// Candidates of scan i among later scans: [result[i], size).
 std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclusion& exclusion);
 
-/// Indices into the trajectory (not frame numbers).
-struct CorrectPair {
-  int64_t query = 0, match = 0;  // match < query
-  double distance = 0;           // [m], of the rule's kind
-};
-
-struct LoopTruth {
-  int64_t n_queries = 0;    // scans with at least one candidate, the only ones that can match
-  int64_t n_positives = 0;  // scans with at least one correct match among their candidates
-  std::vector<CorrectPair> pairs;  // by query, then by match
-};
-
-/// All correct pairs of each scan with its earlier candidates.
+/// Rows of all correct pairs of a scan, first, with its earlier candidates; by query, then by
+/// match.
 ///
-///   auto poses = read_kitti_poses(root / "poses/00.txt");
-///   auto apart = parse_exclusion("frames=50");
-///   auto truth = find_loops(make_trajectory(poses), {Distance::kXz, 5}, apart);
-///   truth.n_positives;  // 804 with the official poses (05: 503, 06: 270, 08: 345)
+///   find_loops(make_trajectory(dataset), {Distance::kXz, 5}, parse_exclusion("frames=50"));
 ///
 /// Both comparisons are strict. Throws UsageError for missing distances or a radius <= 0.
-LoopTruth find_loops(const Trajectory& trajectory, const MatchRule& rule,
-                     const Exclusion& exclusion);
+std::vector<std::pair<int64_t, int64_t>> find_loops(const Trajectory& trajectory,
+                                                    const MatchRule& rule,
+                                                    const Exclusion& exclusion);
 
 /// Reads a table with a query and a place per line, in the first two columns or in those that a
 /// header line names `query` and `place` (or `match`, as written by

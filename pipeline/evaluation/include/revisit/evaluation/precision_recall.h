@@ -2,8 +2,8 @@
 
 #include <array>
 #include <cstdint>
-#include <filesystem>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -45,25 +45,25 @@ struct PrPoint {
 std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels,
                                       bool rejected_only = false);
 
+inline constexpr double kNotComputed = std::numeric_limits<double>::quiet_NaN();
+
 /// NaN: not computed, because there are no positives.
 struct PrSummary {
   int64_t n_queries = 0;                     // with at least one decision
   int64_t n_positives = 0;                   // with at least one correct match
   int64_t n_pairs = 0, n_correct_pairs = 0;  // if the decision is per pair; else 0
-  double f1_max = 0;
-  double f1_max_threshold = 0;   // highest threshold that reaches f1_max
-  double average_precision = 0;  // sum over the points of (R_i - R_{i-1}) P_i, no interpolation
-  double recall_at_1 = 0;        // positives whose best match is correct / positives; NaN for pairs
-  double max_recall_at_precision_1 = 0;  // 0 if the highest score is already incorrect
+  double f1_max = kNotComputed;
+  double f1_max_threshold = kNotComputed;  // highest threshold that reaches f1_max
+  /// Sum over the points of (R_i - R_{i-1}) P_i, no interpolation.
+  double average_precision = kNotComputed;
+  /// Positives whose best match is correct / positives; NaN for pairs.
+  double recall_at_1 = kNotComputed;
+  double max_recall_at_precision_1 = kNotComputed;  // 0 if the highest score is already incorrect
   /// (P_R0 + R_P100) / 2: precision at the highest threshold and maximum recall at 100 % precision
   /// (Ferrarini, Waheed, Waheed, Ehsan, Milford, McDonald-Maier, RA-L 2020).
-  double extended_precision = 0;
+  double extended_precision = kNotComputed;
 };
 PrSummary summarize(const std::vector<MatchLabel>& labels, bool rejected_only = false);
-
-/// Writes `threshold,tp,fp,fn,tn,precision,recall,f1`, atomically; values not computed are blank.
-void write_precision_recall_csv(const std::filesystem::path& file,
-                                const std::vector<PrPoint>& curve);
 
 /// Percentile block bootstrap (Carlstein 1986; Künsch 1989): each resample draws as many blocks of
 /// consecutive queries as there are, with replacement. Queries of a block show the same street:
@@ -73,8 +73,9 @@ struct BootstrapOptions {
   int resamples = 1000;
   double confidence = 0.95;
   uint64_t seed = 1;
-  int threads = 1;             // does not affect the result
-  std::function<bool()> stop;  // true: throw Interrupted
+  int threads = 1;                                            // does not affect the result
+  std::function<void(int64_t done, int64_t total)> progress;  // of evaluate_pairs(), in queries
+  std::function<bool()> stop;                                 // true: throw Interrupted
 };
 
 /// Number of blocks, and of those with a positive query, which decide the width of intervals.

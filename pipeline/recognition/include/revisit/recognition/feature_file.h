@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -59,47 +60,44 @@ class FeatureWriter {
 /// Returns true if `file` is finished and has this key and a valid checksum. Reads the whole file.
 bool features_complete(const std::filesystem::path& file, const std::string& key);
 
-/// Read-only and memory-mapped. Movable, not copyable.
+/// Read-only and memory-mapped. Copies share the memory.
 class FeatureFile {
  public:
   /// Opens a finished file of FeatureWriter, or a float32 C-order .npy with two axes. Throws
   /// InputError for anything else.
   explicit FeatureFile(std::filesystem::path file);
-  ~FeatureFile();
-  FeatureFile(FeatureFile&& other) noexcept;
-  FeatureFile& operator=(FeatureFile&& other) noexcept;
 
   int64_t n() const { return n_; }
   int64_t d() const { return d_; }
   const std::filesystem::path& path() const { return file_; }
   /// Feature [d]. Valid while this object lives and the file is not changed.
   std::span<const float> row(int64_t i) const {
-    return {data_ + i * stride_, static_cast<size_t>(d_)};
+    return {data_.get() + i * stride_, static_cast<size_t>(d_)};
   }
   /// Floats about the feature.
   std::span<const float> extra(int64_t i) const {
-    return {data_ + i * stride_ + d_, static_cast<size_t>(stride_ - d_)};
+    return {data_.get() + i * stride_ + d_, static_cast<size_t>(stride_ - d_)};
   }
   /// Features. Refers to this object.
   Rows rows() const {
     return {n_, d_, [this](int64_t i) { return row(i); }};
   }
+  /// Copies the first `columns` values of `count` features from feature `first` on, like read().
+  FloatMatrix matrix(int64_t first, int64_t count, int64_t columns) const;
   /// Reads `count` floats of row `i` from column `first` on. Unlike row(), the pages do not count
   /// as memory of this process. Throws InputError if the file was truncated.
   void read(int64_t i, int64_t first, int64_t count, float* out) const;
 
  private:
   friend bool features_complete(const std::filesystem::path& file, const std::string& key);
-  void read_header();
-  void close() noexcept;
+  void read_header(int64_t size);
 
   std::filesystem::path file_;
   std::string key_;
   bool is_written_ = false;  // by a FeatureWriter: has a key and a checksum
-  int64_t n_ = 0, d_ = 0, stride_ = 0, header_bytes_ = 0, mapped_bytes_ = 0;
-  int descriptor_ = -1;
-  void* mapping_ = nullptr;
-  const float* data_ = nullptr;
+  int64_t n_ = 0, d_ = 0, stride_ = 0, header_bytes_ = 0;
+  std::shared_ptr<const int> descriptor_;
+  std::shared_ptr<const float> data_;
 };
 
 /// Files of one dimension; rows count through all. A second file may hold alignment case 2.
@@ -158,8 +156,6 @@ class PcaModel {
   /// (at most those of the model; fewer keep the first ones), memory, threads, progress and stop.
   /// Throws InputError if the features have another dimension or are not finite; Interrupted.
   FloatMatrix project(const FeatureFiles& files, const PcaOptions& options = {}) const;
-  /// Projects one feature [dim()] to as many components as `descriptor` has elements.
-  void project(std::span<const float> feature, std::span<float> descriptor) const;
 
  private:
   std::filesystem::path folder_;

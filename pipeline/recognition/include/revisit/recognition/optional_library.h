@@ -19,10 +19,7 @@ std::span<const OptionalLibrary> optional_libraries();
 /// Throws std::logic_error if the table lacks the name.
 const OptionalLibrary& optional_library(std::string_view name);
 
-/// Throws UsageError with the package and option that `what` needs if `library` is not built in.
-void need(std::string_view what, std::string_view library);
-
-/// Throws the same error, for code that was excluded from the build.
+/// Throws UsageError with the package and option that `what` needs.
 [[noreturn]] void built_without(std::string_view what, std::string_view library);
 
 }  // namespace revisit

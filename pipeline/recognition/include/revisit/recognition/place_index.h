@@ -73,7 +73,7 @@ class PlaceIndex {
   /// double precision. After a thread's first query, only the result and Comparison::relative_yaw
   /// allocate memory. Throws UsageError for a query of a wrong size or with a value that is not
   /// finite, for k or threads < 1, and for Score::kDistinctMargin without Comparison::same_place;
-  /// NotFinite.
+  /// Error for a similarity that is not finite.
   Match best(std::span<const float> query, std::span<const CandidateRange> candidates,
              const SearchOptions& options = {}) const;
 
@@ -108,14 +108,6 @@ class PlaceIndex {
   std::unique_ptr<CandidateSource> source_;  // null: all entries are compared
   int64_t from_source_ = 0;                  // candidates requested from it
   int64_t size_ = 0;
-};
-
-/// `query` is its index in best_of_many(), 0 in best().
-class NotFinite : public Error {
- public:
-  NotFinite(int64_t of_query, int64_t to_place, double found);
-  int64_t query, place;
-  double similarity;
 };
 
 }  // namespace revisit

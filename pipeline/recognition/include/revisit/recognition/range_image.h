@@ -28,7 +28,12 @@ std::array<int, 2> closing_rectangle(const ImageGeometry& geometry);
 struct RangeImage {
   int width = 0, height = 0;
   std::vector<float> pixels;  // [height][width]
+  int64_t returns = 0;        // of the cloud
+  int64_t outside = 0;        // returns above or below the image, which no pixel shows
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
+  double outside_share() const {
+    return returns ? static_cast<double>(outside) / static_cast<double>(returns) : 0;
+  }
 };
 
 /// Throws UsageError for sizes below 1 or too large, and for edges in the wrong order or beyond
@@ -45,23 +50,14 @@ void check_geometry(const ImageGeometry& geometry);
 /// exactly width / 2. Throws UsageError as check_geometry() does.
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
 
-struct Projected {
-  int64_t returns = 0;
-  int64_t outside = 0;  // returns above or below the image, which no pixel shows
-  double outside_share() const {
-    return returns ? static_cast<double>(outside) / static_cast<double>(returns) : 0;
-  }
-};
-
 /// Computes project(rotated(cloud, R_image_sensor)) without a copy of the cloud; reuses `image`.
-Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
-                          const ImageGeometry& geometry, RangeImage& image);
+void project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
+                     const ImageGeometry& geometry, RangeImage& image);
 
 /// Morphological closing (dilation, then erosion) with wrap-around in azimuth; pixels above and
 /// below the image are neutral. Throws what check_geometry() throws, and UsageError for a rectangle
 /// larger than the image.
-RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
-void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
+RangeImage close_holes(RangeImage image, const ImageGeometry& geometry);
 
 /// Image geometry is 4000 x 112 for all sensors, so that a network has one feature size.
 /// docs/FORMATS.md has the table and its sources.
@@ -79,20 +75,17 @@ const std::vector<Sensor>& sensors();
 ImageGeometry sensor_geometry(const std::string& sensor);
 std::vector<std::string> sensor_names();
 
-struct Beams {
-  std::vector<double> elevations;  // [deg], top first; empty: beams cannot be separated
-  double top = 0, bottom = 0;      // [deg], limits of 99 % of the returns
-};
-
 struct SensorFound {
-  std::string name;  // a name in sensors(); "": unknown, `image` then fits `beams`
+  std::string name;  // a name in sensors(); "": unknown, `image` then fits the beams
   ImageGeometry image;
-  Beams beams;
-  double inside = 0;  // fraction of the returns inside the image
+  std::vector<double> elevations;  // of the beams [deg], top first; empty: cannot be separated
+  double top = 0, bottom = 0;      // [deg], limits of 99 % of the returns
+  double inside = 0;               // fraction of the returns inside the image
 };
 
-/// Separates beams by elevation or, if elevations are smeared, by point order as in KITTI.
-Beams find_beams(const std::vector<PointCloud>& scans);
+/// Finds elevations, top and bottom only. Separates beams by elevation or, if elevations are
+/// smeared, by point order as in KITTI.
+SensorFound find_beams(const std::vector<PointCloud>& scans);
 
 SensorFound find_sensor(const std::vector<PointCloud>& scans);
 

@@ -33,8 +33,8 @@ class PreparedScan {
   /// Throws UsageError for invalid options. A scan with few or no points is valid, but never
   /// accepted.
   explicit PreparedScan(const PointCloud& cloud, const RegistrationOptions& options = {});
-  int64_t size() const;                                 ///< points after downsampling
-  const std::vector<Eigen::Vector3f>& points() const;   ///< in the sensor's frame [m]
+  /// Points after downsampling, in the sensor's frame [m].
+  const std::vector<Eigen::Vector3f>& points() const;
   const std::vector<Eigen::Vector3f>& normals() const;  ///< one per point, of either sign
 
   struct Parts;

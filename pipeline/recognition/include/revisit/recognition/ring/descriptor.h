@@ -12,12 +12,11 @@
 
 namespace revisit {
 
-/// Layout of a descriptor: frequency by frequency, first the real parts, then (except for frequency
-/// 0) the imaginary parts.
-struct RingLayout {
-  std::vector<int> counts;  // [frequency], number of complex coefficients
-  int64_t dim() const;
-};
+/// Layout of a descriptor: number of complex coefficients, frequency by frequency; first the real
+/// parts, then (except for frequency 0) the imaginary parts.
+using RingLayout = std::vector<int>;
+/// Dimensions of a descriptor.
+int64_t dim_of(const RingLayout& layout);
 
 /// Compares a query with many places by the maximum of the circular correlation over 360 yaw angles
 /// (docs/METHODS.md, eq. 6). The similarity is 0 for a zero descriptor.
@@ -35,27 +34,13 @@ struct RingOptions {
   int64_t candidates = 0;
 };
 
-/// Throws UsageError for invalid options.
-void check_options(const RingOptions& options);
-
-/// Projects the ring descriptors of a scan to the vector that is stored and compared. Where
-/// something was seen, the map mean is subtracted. Each frequency is projected onto directions that
-/// agree only between scans of one place (LDA, docs/METHODS.md). RingModel::cnn_weight weights the
-/// two rings. Copies share the projection.
-class RingDescriber {
- public:
-  /// `model` must be fitted to the map by fit_to_map(). Throws UsageError for invalid options.
-  explicit RingDescriber(const RingModel& model, const RingOptions& options = {});
-
-  const RingLayout& layout() const;
-  /// Computes `descriptor` [layout().dim()] from `rings` [model.dim()], a feature of
-  /// ring_features(). The length is 1; parts that were not seen contribute 0.
-  void describe(std::span<const float> rings, std::span<float> descriptor) const;
-
- private:
-  struct Impl;
-  std::shared_ptr<const Impl> impl_;
-};
+/// Projects the ring descriptors of a scan, a feature of ring_features(), to the vector that is
+/// stored and compared. Where something was seen, the map mean is subtracted. Each frequency is
+/// projected onto directions that agree only between scans of one place (LDA, docs/METHODS.md).
+/// RingModel::cnn_weight weights the two rings. The length is 1; parts that were not seen
+/// contribute 0. `model` must be fitted to the map by fit_to_map(). Throws UsageError for invalid
+/// options.
+Projection ring_projection(const RingModel& model, const RingOptions& options = {});
 
 /// Geometry of the range image for rings: 1024 columns, one row per beam (at most 64), small holes
 /// closed. Throws UsageError for an unknown sensor.
@@ -66,7 +51,7 @@ ImageGeometry ring_geometry(const std::string& sensor);
 /// what Net::load throws.
 engine::Net ring_net(const RingModel& model, const std::filesystem::path& weights = {});
 
-/// Extracts ring_features(); the reduction projects them to descriptors (RingDescriber). It
+/// Extracts ring_features(); the reduction projects them to descriptors (ring_projection()). It
 /// estimates the map mean, and with options.blend the covariance, from the scans it is given.
 /// Throws UsageError for invalid options.
 FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,

@@ -28,7 +28,7 @@ namespace revisit {
 /// Each ring has weights `[weights][sectors]` in 0 to 1, the fraction of a bin that was seen;
 /// feature i has the weights of index i % weights. The feature of a scan is the CNN ring, the polar
 /// ring, the weights of the CNN ring and the weights of the polar ring, in this order.
-/// RingDescriber projects it to the scan's descriptor.
+/// ring_projection() projects it to the scan's descriptor.
 
 struct RingLayer {
   std::string name;
