@@ -59,12 +59,47 @@ function(revisit_alone)
   set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON SKIP_PRECOMPILE_HEADERS ON)
 endfunction()
 
-# revisit_kernels(FILES...): where a program spends its time, and what Highway includes again: alone and with -O3. By -O2
-# g++ leaves loops of any length scalar: cosines take 1.8 times as long, sums of plain values 2.5 times. Elsewhere -O3 compiles
-# for longer, and little is faster.
-function(revisit_kernels)
-  revisit_alone(${ARGN})
-  set_property(SOURCE ${ARGN} APPEND PROPERTY COMPILE_OPTIONS $<$<CONFIG:Release>:-O3>)
+# revisit_optimize(TARGET): runs for every scan or layer.
+function(revisit_optimize target)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O2>)
+endfunction()
+
+# revisit_kernels(TARGET FILES... [BATCH] [DEFINE NAME=VALUE]): where a program spends its time: with -O3. By -O2 g++ leaves loops
+# of any length scalar: cosines take 1.8 times as long, sums of plain values 2.5 times. Elsewhere -O3 compiles for longer, and little
+# is faster. BATCH: those files that Highway includes once for every target are included so together, four at a time, because
+# Highway's headers alone take 1.5 s. Sanitizers have options for single files.
+function(revisit_kernels target)
+  cmake_parse_arguments(PARSE_ARGV 1 kernels BATCH DEFINE "")
+  list(TRANSFORM kernels_UNPARSED_ARGUMENTS REPLACE "^src/" "${CMAKE_CURRENT_SOURCE_DIR}/src/" OUTPUT_VARIABLE files)
+  set(batched "")
+  if(kernels_BATCH AND REVISIT_UNITY AND NOT REVISIT_SANITIZE AND NOT REVISIT_FUZZ)
+    foreach(file IN LISTS files)
+      file(STRINGS ${file} targets REGEX "foreach_target.h")
+      if(targets)
+        list(APPEND batched ${file})
+      endif()
+    endforeach()
+    set_source_files_properties(${batched} PROPERTIES HEADER_FILE_ONLY ON)
+    list(REMOVE_ITEM files ${batched})
+  endif()
+  while(batched)
+    list(SUBLIST batched 0 4 included)
+    list(REMOVE_ITEM batched ${included})
+    list(GET included 0 first)
+    get_filename_component(first ${first} NAME)
+    set(batch ${CMAKE_CURRENT_BINARY_DIR}/batch_${first})
+    set(content "#define HWY_TARGET_INCLUDE \"${batch}\"\n#include <hwy/foreach_target.h>\n")
+    foreach(file IN LISTS included)
+      string(APPEND content "#include \"${file}\"\n")
+    endforeach()
+    string(APPEND content "#undef HWY_TARGET_INCLUDE\n#define HWY_TARGET_INCLUDE \"${batch}\"\n")
+    file(CONFIGURE OUTPUT ${batch} CONTENT "${content}" @ONLY)
+    target_sources(${target} PRIVATE ${batch})
+    list(APPEND files ${batch})
+  endwhile()
+  revisit_alone(${files})
+  set_property(SOURCE ${files} APPEND PROPERTY COMPILE_OPTIONS $<$<CONFIG:Release>:-O3>)
+  set_property(SOURCE ${files} APPEND PROPERTY COMPILE_DEFINITIONS ${kernels_DEFINE})
 endfunction()
 
 # revisit_precompile(TARGET HEADERS...): where files are compiled one by one, reads these and the standard's once for all

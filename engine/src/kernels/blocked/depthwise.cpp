@@ -257,12 +257,12 @@ namespace {
 HWY_EXPORT(run_depthwise);
 HWY_EXPORT(run_narrow_groups);
 
-int64_t packed_floats(const ConvolutionProblem& p) {
+int64_t depthwise_floats(const ConvolutionProblem& p) {
   return padded_channels(p.c_out) * p.depth();
 }
 
 /// Writes [block][ky][channel of the group][kx][kLanes].
-void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
+void pack_depthwise(const ConvolutionProblem& p, const float* weights, float* packed) {
   const int64_t inputs = p.c_in_per_group();
   for (int64_t block = 0; block < channel_blocks(p.c_out); ++block)
     for (int64_t ky = 0; ky < p.kernel_h; ++ky)
@@ -283,8 +283,8 @@ constexpr BlockedConvolutionKernel kernel(const char* name,
           Layout::kNChw16c,
           supports,
           predicted_ms,
-          packed_floats,
-          pack,
+          depthwise_floats,
+          pack_depthwise,
           [](const ConvolutionProblem&) { return int64_t{0}; },
           run};
 }

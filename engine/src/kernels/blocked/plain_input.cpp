@@ -110,7 +110,7 @@ bool goes_in_pairs(const ConvolutionProblem& p) {
   return p.kernel_w > 1 && p.dilation_w == 1;
 }
 
-int64_t packed_floats(const ConvolutionProblem& p) {
+int64_t plain_input_floats(const ConvolutionProblem& p) {
   return channel_blocks(p.c_out) * plain_input_weights(p) * value_bytes(p.values) /
          value_bytes(Precision::kFloat32);
 }
@@ -118,7 +118,8 @@ int64_t packed_floats(const ConvolutionProblem& p) {
 /// Writes [output block][input channel][row of taps][step][kLanes][tap of the step], padded with
 /// zeros to full tiles.
 template <class T, class Convert>
-void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
+void pack_plain_input(const ConvolutionProblem& p, const float* weights, T* packed,
+                      const Convert& convert) {
   constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
   const int64_t rows = p.c_in * p.kernel_h;
   for (int64_t block = 0; block < channel_blocks(p.c_out); ++block) {
@@ -137,7 +138,8 @@ void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Co
 }
 
 void pack_values(const ConvolutionProblem& p, const float* weights, float* packed) {
-  pack_as(p.values, packed, [&](auto* to, const auto& convert) { pack(p, weights, to, convert); });
+  pack_as(p.values, packed,
+          [&](auto* to, const auto& convert) { pack_plain_input(p, weights, to, convert); });
 }
 
 }  // namespace
@@ -149,7 +151,7 @@ const BlockedConvolutionKernel kBlockedPlainInput = {
       return takes_few_channels(p) && (p.values == Precision::kFloat32 || goes_in_pairs(p));
     },
     plain_input_ms,
-    packed_floats,
+    plain_input_floats,
     pack_values,
     [](const ConvolutionProblem& p) {
       return p.threads * padded_channels(plain_input_patch_floats(p));
@@ -167,7 +169,7 @@ const BlockedConvolutionKernel kBlockedPlainInputTiles = {
       return p.values == Precision::kBf16 && takes_few_channels(p) && goes_in_pairs(p);
     },
     plain_input_tiles_ms,
-    packed_floats,
+    plain_input_floats,
     pack_values,
     [](const ConvolutionProblem& p) {
       return p.threads *

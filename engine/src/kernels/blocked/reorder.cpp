@@ -15,36 +15,36 @@ namespace {
 constexpr int64_t kFew = 64;
 
 /// Part of a plane: its size, and the offset of its first channel in the NCHW value.
-struct Piece {
+struct PlanePiece {
   int64_t channels, pixels, plain;
 };
 
-Piece piece_of(const BlockedSize& size, int64_t block, int64_t begin, int64_t end) {
+PlanePiece piece_of(const BlockedSize& size, int64_t block, int64_t begin, int64_t end) {
   const int64_t plane = begin / kLanes / size.pixels, image = plane / channel_blocks(size.c);
   const int64_t first = begin / kLanes % size.pixels;
   return {std::min(size.c - block * kLanes, kLanes), (end - begin) / kLanes,
           (image * size.c + block * kLanes) * size.pixels + first};
 }
 
-void write_blocks(const Piece& piece, int64_t pixels, const float* plain, float* blocked) {
+void write_blocks(const PlanePiece& piece, int64_t pixels, const float* plain, float* blocked) {
   transpose(piece.channels, piece.pixels, plain, pixels, blocked, kLanes);
 }
 
-void write_plain(const Piece& piece, int64_t pixels, const float* blocked, float* plain) {
+void write_plain(const PlanePiece& piece, int64_t pixels, const float* blocked, float* plain) {
   transpose(piece.pixels, piece.channels, blocked, kLanes, plain, pixels);
 }
 
 /// Calls `work(first pixel, part)` for kFew pixels of a piece at a time.
 template <class Work>
-void for_each_few(const Piece& piece, const Work& work) {
+void for_each_few(const PlanePiece& piece, const Work& work) {
   for (int64_t first = 0; first < piece.pixels; first += kFew)
-    work(first, Piece{piece.channels, std::min(kFew, piece.pixels - first), 0});
+    work(first, PlanePiece{piece.channels, std::min(kFew, piece.pixels - first), 0});
 }
 
 template <class T>
-void write_blocks(const Piece& piece, int64_t pixels, const float* plain, T* blocked) {
+void write_blocks(const PlanePiece& piece, int64_t pixels, const float* plain, T* blocked) {
   HWY_ALIGN float few[kFew * kLanes] = {};
-  for_each_few(piece, [&](int64_t first, const Piece& part) HWY_ATTR {
+  for_each_few(piece, [&](int64_t first, const PlanePiece& part) HWY_ATTR {
     write_blocks(part, pixels, plain + first, few);
     for (int64_t i = 0; i < part.pixels * kLanes; i += kLanes)
       store_block(load_block(few + i), blocked + first * kLanes + i);
@@ -52,9 +52,9 @@ void write_blocks(const Piece& piece, int64_t pixels, const float* plain, T* blo
 }
 
 template <class T>
-void write_plain(const Piece& piece, int64_t pixels, const T* blocked, float* plain) {
+void write_plain(const PlanePiece& piece, int64_t pixels, const T* blocked, float* plain) {
   HWY_ALIGN float few[kFew * kLanes];
-  for_each_few(piece, [&](int64_t first, const Piece& part) HWY_ATTR {
+  for_each_few(piece, [&](int64_t first, const PlanePiece& part) HWY_ATTR {
     for (int64_t i = 0; i < part.pixels * kLanes; i += kLanes)
       store_block(load_block(blocked + first * kLanes + i), few + i);
     write_plain(part, pixels, few, plain + first);
@@ -64,7 +64,7 @@ void write_plain(const Piece& piece, int64_t pixels, const T* blocked, float* pl
 template <class T>
 void all_to_blocked(const BlockedSize& size, const float* plain, T* blocked) {
   for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
-    const Piece piece = piece_of(size, block, begin, end);
+    const PlanePiece piece = piece_of(size, block, begin, end);
     write_blocks(piece, size.pixels, plain + piece.plain, blocked + begin);
     clear_tail_lanes(size.c, block, piece.pixels, blocked + begin);
   });
@@ -73,7 +73,7 @@ void all_to_blocked(const BlockedSize& size, const float* plain, T* blocked) {
 template <class T>
 void all_to_plain(const BlockedSize& size, const T* blocked, float* plain) {
   for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
-    const Piece piece = piece_of(size, block, begin, end);
+    const PlanePiece piece = piece_of(size, block, begin, end);
     write_plain(piece, size.pixels, blocked + begin, plain + piece.plain);
   });
 }
