@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <unordered_set>
 
-#include "memory_plan.h"
 #include "schedule.h"
 
 namespace revisit::engine {
@@ -202,6 +201,41 @@ class Placer {
 };
 
 }  // namespace
+
+MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) {
+  constexpr size_t kMaxSearched = 16'384;  // because the search is quadratic
+  const auto aligned = [&](int64_t size) { return (size + alignment - 1) / alignment * alignment; };
+  std::vector<size_t> order;
+  for (size_t i = 0; i < buffers.size(); ++i)
+    if (buffers[i].size > 0) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t a, size_t b) { return buffers[a].size > buffers[b].size; });
+
+  MemoryPlan plan{std::vector<int64_t>(buffers.size(), 0), 0};
+  std::vector<size_t> placed;  // sorted by offset
+  for (const size_t i : order) {
+    const Lifetime& buffer = buffers[i];
+    if (placed.size() == kMaxSearched) {
+      plan.offsets[i] = plan.total;
+      plan.total += aligned(buffer.size);
+      continue;
+    }
+    int64_t offset = 0;
+    for (const size_t j : placed) {
+      const Lifetime& other = buffers[j];
+      if (other.last < buffer.first || buffer.last < other.first) continue;
+      if (plan.offsets[j] >= offset + buffer.size) break;
+      offset = std::max(offset, aligned(plan.offsets[j] + other.size));
+    }
+    plan.offsets[i] = offset;
+    plan.total = std::max(plan.total, aligned(offset + buffer.size));
+    placed.insert(
+        std::upper_bound(placed.begin(), placed.end(), i,
+                         [&](size_t a, size_t b) { return plan.offsets[a] < plan.offsets[b]; }),
+        i);
+  }
+  return plan;
+}
 
 void place(const Net::Impl& net, Schedule* schedule) {
   Placer(net, *schedule).run();

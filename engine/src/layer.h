@@ -21,11 +21,10 @@ struct Tensor {
   std::vector<float> values;
 };
 
-struct HeldWeights {
-  const float* weights = nullptr;
-  const float* bias = nullptr;
-  const float* outside_taps = nullptr;  // BlockedConvolutionArguments::outside_taps
-  std::shared_ptr<const void> owner;
+struct PackedWeights {
+  AlignedFloats weights, bias;
+  AlignedFloats outside_taps = {};  // BlockedConvolutionArguments::outside_taps
+  int64_t bytes() const { return floats(weights.size() + bias.size() + outside_taps.size()).count; }
 };
 
 struct Call {
@@ -34,7 +33,7 @@ struct Call {
   float* scratch;
   float* state = nullptr;
   int64_t* rows = nullptr;  // output: number of rows that a layer with Layer::dynamic_axis() wrote
-  const HeldWeights* weights = nullptr;
+  const PackedWeights* weights = nullptr;
 };
 
 struct Work {
@@ -42,7 +41,6 @@ struct Work {
   int64_t multiplications = 0;  // LayerCost::multiplications; 0: same as macs
   Precision products = Precision::kFloat32;
   bool uses_blas = false;
-  bool winograd = false;
 };
 
 /// Possible sharing of memory between outputs and inputs of a kernel that only copies.
@@ -69,7 +67,7 @@ struct Kernel {
   Bytes packed = {};  // weights in its own order, in addition to those of the net
   /// Packs the weights or returns a shared copy; null for kernels without packed weights. Must be
   /// called once, after the memory limit is checked.
-  std::function<HeldWeights()> hold = {};
+  std::function<std::shared_ptr<const PackedWeights>()> hold = {};
 };
 
 struct Binding {
@@ -119,7 +117,9 @@ struct WindowHw {
   Window h, w;
 };
 /// Layer::window() of a layer along `axis`: nullopt if the axis is rows or columns, else one pixel.
-std::optional<WindowHw> window_across(size_t axis, const Shape& input);
+inline std::optional<WindowHw> window_across(size_t axis, const Shape& input) {
+  return axis + 2 < input.rank() ? std::optional(WindowHw{}) : std::nullopt;
+}
 
 /// Owns no memory or weights. Functions throw InputError with a reason only; the caller adds file,
 /// layer name and type.
@@ -136,8 +136,12 @@ class Layer {
 
   virtual Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const { return {}; }
 
+  /// The only axis along which a value depends on others; nullopt if there is none, or several.
+  virtual std::optional<size_t> only_axis(const Shape&) const { return std::nullopt; }
+
   /// Window of each output pixel; nullopt if it can depend on the entire input.
-  virtual std::optional<WindowHw> window(const Shape&) const {
+  virtual std::optional<WindowHw> window(const Shape& input) const {
+    if (const auto axis = only_axis(input)) return window_across(*axis, input);
     return output_memory() == OutputMemory::kMayReuseInput ? std::optional(WindowHw{})
                                                            : std::nullopt;
   }
@@ -152,8 +156,8 @@ class Layer {
   virtual std::optional<size_t> dynamic_axis() const { return std::nullopt; }
 
   /// Returns whether item i (axis 0) of every output depends on item i only of input `port`.
-  virtual bool keeps_items(size_t /*port*/, const std::vector<Shape>& /*inputs*/) const {
-    return false;
+  virtual bool keeps_items(size_t /*port*/, const std::vector<Shape>& inputs) const {
+    return !inputs.empty() && only_axis(inputs[0]) > 0U;
   }
 
   /// Returns whether the file may use the input's name for an output. For other layers Caffe
@@ -178,6 +182,10 @@ class OneToOneLayer : public Layer {
 
 /// Throws InputError unless `found` equals `expected`; `what` is "inputs" or "outputs".
 void expect_count(size_t found, size_t expected, const char* what);
+/// Throws InputError unless `found` is 1 or 2.
+void expect_1_or_2(size_t found, const char* what);
+/// Throws InputError unless `found` is positive.
+void expect_any(size_t found, const char* what);
 
 /// Throws InputError with `what` unless the input is an image: n x c x h x w.
 void expect_image(const Shape& input, const char* what);

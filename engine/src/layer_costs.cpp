@@ -105,7 +105,7 @@ void count_step(const Step& step, LayerCost* cost) {
   cost->macs += work.macs;
   cost->multiplications += work.multiplications > 0 ? work.multiplications : work.macs;
   if (work.macs > 0) cost->products = work.products;
-  cost->winograd |= work.winograd;
+  cost->winograd |= step.kernel.name.starts_with("winograd");
   const bool joined = step.kernel.aliasing == Aliasing::kJoinsInputs && !step.runs;
   const std::string name = joined ? "in place" : step.kernel.name;
   // A reorder's name is used only if its layer has no other kernel. A view has none.

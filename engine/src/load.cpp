@@ -4,11 +4,10 @@
 #include <utility>
 
 #include "layers/layers.h"
-#include "load_weights.h"
 #include "net_impl.h"
-#include "operations.h"
 #include "plan_impl.h"
 #include "revisit/proto/net_file.h"
+#include "schedule.h"
 
 namespace revisit::engine {
 namespace {
@@ -88,7 +87,7 @@ Graph attach(const caffe::NetParameter& file, proto::Graph graph) {
       node.is_first_of_name = found != first.end() && found->second == node.index;
     } else {
       node.param.set_type(node.type);
-      node.layer = make_reshaped_like(node.param);
+      node.layer = make_reshaped_like();
     }
   }
   return result;
@@ -167,7 +166,6 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
 
 Net Net::load(const fs::path& prototxt, const fs::path& weights, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
-  check_weight_bytes(*net, options.limits.weight_bytes);
   load_weights(*net, proto::WeightsFile::open(weights, options.limits), options);
   return Net(std::move(net));
 }
@@ -177,7 +175,6 @@ Net Net::load_from_memory(std::string_view prototxt, std::string_view weights,
   const std::string name = "<prototxt>";
   auto net = load_structure(proto::parse_net(std::string(prototxt), name, reading(options)), name,
                             options);
-  check_weight_bytes(*net, options.limits.weight_bytes);
   load_weights(*net, proto::WeightsFile::open(FileCursor(weights, "<weights>"), options.limits),
                options);
   return Net(std::move(net));
@@ -193,10 +190,7 @@ Net Net::load_with_random_weights(const fs::path& prototxt, uint64_t seed,
 
 Net Net::load_without_weights(const fs::path& prototxt, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
-  if (has_own_weights(*net)) {
-    check_weight_bytes(*net, options.limits.weight_bytes);
-    load_weights(*net, nullptr, options);
-  }
+  if (has_own_weights(*net)) load_weights(*net, nullptr, options);
   return Net(std::move(net));
 }
 

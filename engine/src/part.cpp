@@ -3,7 +3,6 @@
 #include <set>
 
 #include "layers/layers.h"
-#include "operations.h"
 #include "schedule.h"
 
 namespace revisit::engine {

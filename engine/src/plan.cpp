@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <new>
 
-#include "operations.h"
 #include "plan_impl.h"
 #include "schedule.h"
 
@@ -92,7 +91,7 @@ Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& sh
   return fits && options.threads == 1 ? fastest : make_draft(net, shapes, options, fits);
 }
 
-HeldWeights hold(const Net::Impl& net, const Step& step) {
+std::shared_ptr<const PackedWeights> hold(const Net::Impl& net, const Step& step) {
   try {
     return step.kernel.hold();
   } catch (const std::bad_alloc&) {

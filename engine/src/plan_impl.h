@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "graph.h"
 #include "net_impl.h"
 #include "revisit/engine/net.h"
 #include "schedule.h"
@@ -27,9 +26,6 @@ struct DynamicRows {
 /// other reader.
 std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
                                                      const std::vector<Shape>& shapes);
-
-/// Fills rows (axis 0) that `kernel` does not write with zeros, because readers use them.
-Kernel with_zero_rest(Kernel kernel, const std::vector<Shape>& outputs);
 
 struct Plan::Impl {
   struct Slot {

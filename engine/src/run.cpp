@@ -56,7 +56,8 @@ struct Run::Memory {
 
   void run(const Step& step, size_t i) {
     const Operands& o = operands[i];
-    step.kernel.run({o.inputs, o.outputs, o.scratch, o.state, &rows[step.layer], &step.weights});
+    step.kernel.run(
+        {o.inputs, o.outputs, o.scratch, o.state, &rows[step.layer], step.weights.get()});
   }
 };
 

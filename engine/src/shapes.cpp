@@ -1,6 +1,7 @@
 #include <algorithm>
+#include <limits>
 
-#include "net_impl.h"
+#include "plan_impl.h"
 
 namespace revisit::engine {
 namespace {
@@ -19,7 +20,79 @@ Shape input_shape(const Node& node, size_t port) {
   return Shape(std::vector<int64_t>(shape.dim().begin(), shape.dim().end()));
 }
 
+using Rows = std::vector<std::optional<DynamicRows>>;
+
+DynamicRows through_layer(const Layer& layer, size_t n_outputs, size_t port,
+                          std::vector<Shape> inputs, const Rows& rows, size_t counting_layer) {
+  const auto infer = [&](int64_t n_rows) {
+    for (size_t i = 0; i < inputs.size(); ++i)
+      if (rows[i]) inputs[i] = inputs[i].with(rows[i]->axis, rows[i]->multiple * n_rows);
+    return layer.infer(inputs, n_outputs)[port];
+  };
+  std::optional<DynamicRows> found;
+  try {
+    const Shape one = infer(1), two = infer(2);
+    for (size_t axis = 0; axis < one.rank(); ++axis)
+      if (two[axis] == 2 * one[axis]) found = DynamicRows{counting_layer, axis, one[axis]};
+  } catch (const InputError&) {
+    found.reset();  // the shape is valid for one number of rows only
+  }
+  if (!found)
+    throw UnsupportedError(
+        "the number of rows of its input depends on the data, but the shape of its output does not "
+        "scale with it");
+  return *found;
+}
+
+bool keeps_rows(const Layer& layer, const std::vector<Shape>& inputs, const Rows& rows) {
+  std::optional<size_t> counting;
+  for (size_t port = 0; port < rows.size(); ++port) {
+    if (!rows[port]) continue;
+    if (rows[port]->axis != 0 || !layer.keeps_items(port, inputs) ||
+        counting.value_or(rows[port]->layer) != rows[port]->layer)
+      return false;
+    counting = rows[port]->layer;
+  }
+  return true;
+}
+
 }  // namespace
+
+std::vector<Shape> OneToOneLayer::infer(const std::vector<Shape>& inputs, size_t n_outputs) const {
+  expect_count(inputs.size(), 1, "inputs");
+  expect_count(n_outputs, 1, "outputs");
+  return {output_shape(inputs[0])};
+}
+
+bool is_for_training(const caffe::LayerParameter& param) {
+  return param.has_phase() && param.phase() == caffe::TRAIN;
+}
+
+void expect_count(size_t found, size_t expected, const char* what) {
+  if (found != expected) throw InputError("expected ", expected, " ", what, ", found ", found);
+}
+
+void expect_1_or_2(size_t found, const char* what) {
+  if (found < 1 || found > 2) throw InputError("expected 1 or 2 ", what, ", found ", found);
+}
+
+void expect_any(size_t found, const char* what) {
+  if (found == 0) throw InputError("expected at least one ", what);
+}
+
+void expect_image(const Shape& input, const char* what) {
+  if (input.rank() != 4)
+    throw InputError(what, " needs an input of 4 axes (n x c x h x w), found ", input);
+}
+
+void expect_channels(const Shape& input, const char* what) {
+  if (input.rank() < 2) throw InputError(what, " needs an input of at least 2 axes, found ", input);
+}
+
+void expect_int(int64_t size, const char* what) {
+  constexpr int64_t kMost = std::numeric_limits<int>::max();
+  if (size > kMost) throw InputError(what, " must be at most ", kMost, ", found ", size);
+}
 
 std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes) {
   std::vector<Shape> result;
@@ -68,6 +141,44 @@ std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string
       throw UsageError(net.file, ": the (possibly truncated) net has no input '", blob, "'",
                        nearest_name_hint(blob, input_names));
   return shapes;
+}
+
+std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
+                                                     const std::vector<Shape>& shapes) {
+  Rows result(net.graph.values.size());
+  for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
+    const Node& node = net.graph.nodes[i];
+    if (!node.layer) continue;
+    const Layer& layer = *node.layer;
+    try {
+      std::vector<Shape> inputs;
+      Rows rows;
+      for (const ValueId id : node.inputs) {
+        inputs.push_back(shapes[id]);
+        rows.push_back(result[id]);
+      }
+      const auto first =
+          std::ranges::find_if(rows, [](const auto& input) { return input.has_value(); });
+      if (first != rows.end() && layer.output_memory() != OutputMemory::kViewOfInput &&
+          (layer.dynamic_axis() || !keeps_rows(layer, inputs, rows)))
+        throw UnsupportedError(
+            "the number of rows of its input '",
+            net.graph.values[node.inputs[first - rows.begin()]].blob,
+            "' depends on the data (layer '", net.graph.nodes[(*first)->layer].name,
+            "'), but it does not compute each row independently; end the net before "
+            "this layer");
+      for (size_t port = 0; port < node.outputs.size(); ++port) {
+        std::optional<DynamicRows>& output = result[node.outputs[port]];
+        if (const auto axis = layer.dynamic_axis())
+          output = DynamicRows{i, *axis, 1};
+        else if (first != rows.end())
+          output = through_layer(layer, node.outputs.size(), port, inputs, rows, (*first)->layer);
+      }
+    } catch (const Error&) {
+      rethrow_at(net.file, node);
+    }
+  }
+  return result;
 }
 
 }  // namespace revisit::engine

@@ -11,16 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "aligned.h"
-#include "layout.h"
+#include "layer.h"
 
 namespace revisit::engine {
-
-struct PackedWeights {
-  AlignedFloats weights, bias;
-  AlignedFloats outside_taps = {};  // BlockedConvolutionArguments::outside_taps
-  int64_t bytes() const { return floats(weights.size() + bias.size() + outside_taps.size()).count; }
-};
 
 /// Everything that determines packed weights; the weights of a net's layers are constant.
 struct PackedWeightsKey {

@@ -334,15 +334,13 @@ class Extraction {
 }  // namespace
 
 std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
-                                                  const NetReadOptions& options,
-                                                  const std::set<std::string>& types_with_weights,
-                                                  const Blame& blame,
+                                                  const NetReadOptions& options, const Blame& blame,
                                                   std::vector<std::string>& warnings) {
   keep_state(net, options, blame);
   const bool reads_data = std::ranges::any_of(
       net.layer(), [](const Layer& layer) { return kDataTypes.contains(layer.type()); });
   if (!reads_data) return {};
-  return Extraction(net, types_with_weights, warnings).run();
+  return Extraction(net, options.types_with_weights, warnings).run();
 }
 
 }  // namespace revisit::proto

@@ -1,17 +1,13 @@
 #include "revisit/proto/net_file.h"
 
-#include <fcntl.h>
 #include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/text_format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <limits>
 #include <map>
-#include <memory>
 #include <optional>
 
 #include "net_text.h"
@@ -29,26 +25,7 @@ namespace fs = std::filesystem;
 constexpr int64_t kMessagesPerLayer = 16;
 
 std::string read_text(const fs::path& file, const Limits& limits) {
-  std::error_code ignored;
-  if (fs::is_directory(file, ignored))
-    throw InputError(file.string(), ": is a folder, expected a prototxt");
-  const auto fail = [&](const char* doing) -> InputError {
-    return InputError(file.string(), ": cannot ", doing, ": ", std::strerror(errno));
-  };
-  // O_NONBLOCK: opening a pipe without a writer would block forever; reading returns its end.
-  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (descriptor < 0) throw fail("open");
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(::fdopen(descriptor, "rb"), std::fclose);
-  if (!in || ::fcntl(descriptor, F_SETFL, O_RDONLY) != 0) throw fail("open");
-  std::string text;
-  std::vector<char> chunk(1 << 16);
-  while (static_cast<int64_t>(text.size()) <= limits.text_bytes) {
-    const size_t size = std::fread(chunk.data(), 1, chunk.size(), in.get());
-    text.append(chunk.data(), size);
-    if (size < chunk.size()) break;
-  }
-  if (std::ferror(in.get())) throw fail("read");
-  return text;
+  return read_head(file, static_cast<size_t>(limits.text_bytes) + 1);
 }
 
 void check_is_text(const std::string& text, const std::string& name, const Limits& limits) {
@@ -144,8 +121,7 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
   try {
     upgrade(file.net, options.keep_training ? ShapelessInputs::kDropped : ShapelessInputs::kKept,
             blame, notes);
-    if (!options.keep_training)
-      file.skipped = keep_inference(file.net, options, options.types_with_weights, blame, notes);
+    if (!options.keep_training) file.skipped = keep_inference(file.net, options, blame, notes);
     if (!options.keep_training && !options.keep_python) replace_python_proposals(file.net, notes);
   } catch (const UpgradeError& error) {
     throw InputError(message_start(name, position(error.field, error.index)) + error.what());
@@ -162,13 +138,10 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
   return file;
 }
 
-void check_writable(const fs::path& file, const caffe::NetParameter& net) {
+void check_writable(const fs::path& file, const caffe::NetParameter& net, bool as_binary) {
   if (!net.IsInitialized())
     throw Error(file.string(), ": cannot write a net without ", net.InitializationErrorString());
-}
-
-void check_size(const fs::path& file, const caffe::NetParameter& net) {
-  const size_t size = net.ByteSizeLong();
+  const size_t size = as_binary ? net.ByteSizeLong() : 0;
   if (size > static_cast<size_t>(std::numeric_limits<int32_t>::max()))
     throw Error(file.string(), ": the net takes ", size, " bytes (protobuf's limit is 2^31-1)");
 }
@@ -290,9 +263,7 @@ std::string net_text(const caffe::NetParameter& net) {
 }
 
 std::string net_bytes(const caffe::NetParameter& net) {
-  const fs::path name = "<caffemodel>";
-  check_writable(name, net);
-  check_size(name, net);
+  check_writable("<caffemodel>", net, true);
   return net.SerializeAsString();
 }
 
@@ -303,14 +274,13 @@ std::string schema_bytes() {
 }
 
 void write_net_text(const fs::path& file, const caffe::NetParameter& net) {
-  check_writable(file, net);
+  check_writable(file, net, false);
   const std::string text = net_text(net);
   write_atomically(file, [&](std::ostream& out) { out << text; });
 }
 
 void write_net_binary(const fs::path& file, const caffe::NetParameter& net) {
-  check_writable(file, net);
-  check_size(file, net);
+  check_writable(file, net, true);
   write_atomically(file, [&](std::ostream& out) {
     if (!net.SerializeToOstream(&out)) out.setstate(std::ios::failbit);
   });

@@ -21,12 +21,18 @@ constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr size_t kNumpyMostAxes = 64;  // NumPy's limit
 constexpr size_t kAlignment = 64;      // [bytes]
 
+struct Header {
+  std::string dtype;  // NumPy's notation, e.g. "<f4"
+  bool fortran_order;
+  std::vector<int64_t> shape;
+};
+
 /// The header's Python dictionary: `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3), }`.
 class HeaderParser {
  public:
   HeaderParser(std::string_view text, const std::string& path) : text_(text), path_(path) {}
 
-  NpyHeader parse() {
+  Header parse() {
     std::optional<std::string> dtype;
     std::optional<bool> fortran_order;
     std::optional<std::vector<int64_t>> shape;
@@ -108,13 +114,7 @@ class HeaderParser {
   const std::string& path_;
 };
 
-std::string describe(const std::vector<int64_t>& shape) {
-  std::string text = "(";
-  for (const int64_t dim : shape) text += std::to_string(dim) + ",";
-  return text + ")";
-}
-
-std::string read_header(FileCursor& cursor, const std::string& path) {
+std::string read_dictionary(FileCursor& cursor, const std::string& path) {
   std::array<unsigned char, 8> start{};  // magic, major and minor version
   const bool has_start = cursor.size() >= start.size() + 2;
   if (has_start) cursor.read(start.data(), start.size());
@@ -139,7 +139,7 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
 }
 
 /// Returns the number of elements.
-uint64_t check_size(const FileCursor& cursor, const NpyHeader& header, uint64_t item_bytes) {
+uint64_t check_size(const FileCursor& cursor, const Header& header, uint64_t item_bytes) {
   const uint64_t available = cursor.size() - cursor.position();
   uint64_t count = 1;
   bool overflows = false;
@@ -149,34 +149,35 @@ uint64_t check_size(const FileCursor& cursor, const NpyHeader& header, uint64_t 
   if (std::ranges::find(header.shape, 0) != header.shape.end()) count = 0, overflows = false;
   if (overflows || count > std::numeric_limits<uint64_t>::max() / item_bytes ||
       count * item_bytes != available)
-    throw InputError(cursor.file().string(), ": shape ", describe(header.shape), " of '",
+    throw InputError(cursor.file().string(), ": shape ", shape_text(header.shape), " of '",
                      header.dtype, "' does not fit the ", available,
                      " bytes after the header (is the file truncated?)");
   return count;
 }
 
+/// Float32 or, if `or_doubles`, float64 in C order; leaves the cursor at the array.
+Header read_header(FileCursor& cursor, bool or_doubles) {
+  const std::string path = cursor.file().string(), text = read_dictionary(cursor, path);
+  Header header = HeaderParser(text, path).parse();
+  if (header.dtype != "<f4" && !(or_doubles && header.dtype == "<f8"))
+    throw InputError(path, ": dtype '", header.dtype, "', expected little-endian float32 ('<f4')",
+                     or_doubles ? " or float64 ('<f8')" : "", "; save array.astype('<f4')");
+  if (header.fortran_order)
+    throw InputError(path,
+                     ": Fortran order, expected C order; save numpy.ascontiguousarray(array)");
+  return header;
+}
+
 }  // namespace
 
-NpyHeader read_npy_header(FileCursor& cursor) {
-  const std::string path = cursor.file().string();
-  const std::string text = read_header(cursor, path);
-  NpyHeader header = HeaderParser(text, path).parse();
-  header.bytes = cursor.position();
-  return header;
+std::vector<int64_t> read_npy_header(FileCursor& cursor) {
+  return read_header(cursor, false).shape;
 }
 
 Blob read_npy(const std::filesystem::path& file) {
   FileCursor cursor(file);
-  const NpyHeader header = read_npy_header(cursor);
+  const Header header = read_header(cursor, true);
   const bool single = header.dtype == "<f4";
-  if (!single && header.dtype != "<f8")
-    throw InputError(
-        file.string(), ": dtype '", header.dtype,
-        "', expected little-endian float32 ('<f4') or float64 ('<f8'); save array.astype('<f4')");
-  if (header.fortran_order)
-    throw InputError(file.string(),
-                     ": Fortran order, expected C order; save numpy.ascontiguousarray(array)");
-
   const uint64_t count = check_size(cursor, header, single ? sizeof(float) : sizeof(double));
   Blob array{.shape = header.shape, .data = std::vector<float>(count)};
   if (single) {
@@ -214,7 +215,7 @@ void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& sh
   std::streamsize bytes = sizeof(float);
   for (const int64_t dim : shape)
     if (dim < 0 || __builtin_mul_overflow(bytes, dim, &bytes))
-      throw UsageError(file.string(), ": cannot hold an array of shape ", describe(shape));
+      throw UsageError(file.string(), ": cannot hold an array of shape ", shape_text(shape));
   const std::string header = npy_header(shape);
   write_atomically(file, [&](std::ostream& out) {
     out << header;

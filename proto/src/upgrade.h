@@ -49,12 +49,6 @@ bool merge_field(const google::protobuf::Message& from,
                  const google::protobuf::FieldDescriptor& field, const std::string& message,
                  const std::string& name, google::protobuf::Message& to);
 
-/// Moves scale, mean_file, crop_size and mirror of V1 data layers into `transform_param`.
-void upgrade_data_transform(caffe::NetParameter& net);
-
-/// Requires a net without V2 layers.
-void upgrade_v1(caffe::NetParameter& net);
-
 /// Type of the Crop in FCN's fork (V1's CROP), which computes its offset by aligning the pixels of
 /// both inputs.
 constexpr const char* kAligningCrop = "CROP";
@@ -74,11 +68,9 @@ void replace_python_proposals(caffe::NetParameter& net, std::vector<std::string>
 /// train_val.prototxt), the part between data and prediction. Data layers become Input layers, with
 /// a shape if the file has one. Losses, Accuracy and label layers are skipped. A sole
 /// SoftmaxWithLoss becomes the Softmax of a deploy prototxt. Values that depend on
-/// `types_with_weights` are predictions, not labels. Returns the fate of training layers, by name.
+/// types with weights are predictions, not labels. Returns the fate of training layers, by name.
 std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
-                                                  const NetReadOptions& options,
-                                                  const std::set<std::string>& types_with_weights,
-                                                  const Blame& blame,
+                                                  const NetReadOptions& options, const Blame& blame,
                                                   std::vector<std::string>& warnings);
 
 }  // namespace revisit::proto

@@ -1,6 +1,5 @@
 // Outputs are poisoned with NaN and scratch with 0xA5 bytes before each run.
 #include "blocked.h"
-#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/partition.h"
 #include "layers/pooling_window.h"

@@ -23,14 +23,14 @@ TEST_P(InnerProductKernels, AgreeWithTheDefinition) {
   };
   for (const float* b : {bias.data(), static_cast<const float*>(nullptr)}) {
     const std::vector<float> wanted = run(kInnerProductReference, b);
-    for (const InnerProductKernel& kernel : inner_product_kernels()) {
-      if (!kernel.supports(p)) continue;
-      SCOPED_TRACE(kernel.name);
+    for (const InnerProductKernel* kernel : {&kInnerProductGemv, &kInnerProductGemm}) {
+      if (kernel == &kInnerProductGemv && !p.has_few_inputs()) continue;
+      SCOPED_TRACE(kernel->name);
       test::for_each_simd_target([&] {
         p.threads = 1;
-        const std::vector<float> found = run(kernel, b);
+        const std::vector<float> found = run(*kernel, b);
         EXPECT_LE(relative_error(found, wanted), 2e-6);
-        for (p.threads = 2; p.threads <= 3; ++p.threads) EXPECT_EQ(run(kernel, b), found);
+        for (p.threads = 2; p.threads <= 3; ++p.threads) EXPECT_EQ(run(*kernel, b), found);
       });
     }
   }

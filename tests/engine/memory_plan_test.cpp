@@ -1,5 +1,4 @@
-#include "memory_plan.h"
-
+#include "schedule.h"
 #include "testing.h"
 
 namespace revisit::engine {

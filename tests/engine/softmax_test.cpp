@@ -18,14 +18,13 @@ TEST(Softmax, ReferenceByHand) {
 }
 
 TEST(Softmax, IsItsReferenceInPlaceToo) {
-  for (const ClassLines lines :
-       {ClassLines{1, 20000, 1}, ClassLines{3, 2, 1}, ClassLines{1, 1, 5}, ClassLines{2, 21, 1037},
-        ClassLines{1, 3, 16}, ClassLines{2, 7, 19}, ClassLines{0, 4, 4}, ClassLines{1, 20000, 5}}) {
-    SCOPED_TRACE(testing::Message()
-                 << lines.outer << " x " << lines.classes << " x " << lines.inner);
+  for (const AxisRuns lines :
+       {AxisRuns{1, 20000, 1}, AxisRuns{3, 2, 1}, AxisRuns{1, 1, 5}, AxisRuns{2, 21, 1037},
+        AxisRuns{1, 3, 16}, AxisRuns{2, 7, 19}, AxisRuns{0, 4, 4}, AxisRuns{1, 20000, 5}}) {
+    SCOPED_TRACE(testing::Message() << lines.outer << " x " << lines.size << " x " << lines.inner);
     std::vector<float> in =
-        test::random_floats(lines.outer * lines.classes * lines.inner, kSoftmaxSeed);
-    for (float& x : in) x *= lines.classes > 10000 ? 1e-3F : 30;  // many powers near 1
+        test::random_floats(lines.outer * lines.size * lines.inner, kSoftmaxSeed);
+    for (float& x : in) x *= lines.size > 10000 ? 1e-3F : 30;  // many powers near 1
     std::vector<float> wanted(in.size());
     softmax_reference(in.data(), lines, wanted.data());
     test::for_each_simd_target([&] {

@@ -246,7 +246,7 @@ TEST(NetFile, ThingsThatAreNoPrototxt) {
   };
   EXPECT_EQ(error(dir / "none"),
             (dir / "none").string() + ": cannot open: No such file or directory");
-  EXPECT_EQ(error(dir.path()), dir.path().string() + ": is a folder, expected a prototxt");
+  EXPECT_EQ(error(dir.path()), dir.path().string() + ": is a folder, expected a file");
 
   caffe::NetParameter net;
   net.set_name("n");

@@ -4,7 +4,6 @@
 #include <span>
 #include <vector>
 
-#include "bfloat16.h"
 #include "layout.h"
 
 namespace revisit::test {

@@ -75,10 +75,10 @@ inline std::vector<engine::Tensor> run_layer(const SingleLayer& l) {
   std::vector<float> scratch(static_cast<size_t>(kernel.scratch.count) / sizeof(float));
   if (!scratch.empty()) std::memset(scratch.data(), 0xA5, scratch.size() * sizeof(float));
   std::vector<float> state(static_cast<size_t>(kernel.state.count) / sizeof(float), 0.0F);
-  const HeldWeights held = kernel.hold ? kernel.hold() : HeldWeights{};
+  const auto held = kernel.hold ? kernel.hold() : nullptr;
   int64_t rows = -1;
   for (int pass = 0; pass < l.passes; ++pass)
-    kernel.run({in, out, scratch.data(), state.data(), &rows, &held});
+    kernel.run({in, out, scratch.data(), state.data(), &rows, held.get()});
   if (const auto axis = layer->dynamic_axis())
     for (Tensor& output : outputs) {
       output.shape = output.shape.with_rows(*axis, rows);

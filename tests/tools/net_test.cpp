@@ -434,9 +434,9 @@ TEST_F(NetCommand, AnInputWithoutAShapeTakesThatOfTheCommandLine) {
   run_ok("net forward " + model() + " -i " + path("in.npy") + " -o " + path("o"));
 }
 
-TEST_F(NetCommand, APipeWithoutAWriterIsEmpty) {
+TEST_F(NetCommand, APipeIsNoPrototxt) {
   ASSERT_EQ(mkfifo(path("pipe").c_str(), 0600), 0);
-  expect_failure(3, "net inspect " + path("pipe"), "is empty");
+  expect_failure(3, "net inspect " + path("pipe"), "is not a regular file");
 }
 
 TEST_F(NetCommand, TrainingNetsAndSolversRunAsInference) {

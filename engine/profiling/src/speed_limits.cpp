@@ -67,6 +67,11 @@ double bf16_gflops(int threads) {
   return most;
 }
 
+/// Begin of part `i` of `items` floats, cut into `parts` parts of whole kLoopFloats.
+int64_t begin_of(int64_t i, int64_t items, int64_t parts) {
+  return items / kLoopFloats * i / parts * kLoopFloats;
+}
+
 /// Limited for machines with little memory.
 int64_t bytes_beyond_caches() {
   constexpr int64_t kLeast = 64 << 20, kMost = 256 << 20;
@@ -84,18 +89,19 @@ Bandwidth bandwidth(int threads, float* memory, int64_t bytes) {
   constexpr int64_t kMovedBytes = 4 << 20;
   const int64_t floats = bytes / int64_t{sizeof(float)};
   const auto measure = [&](int64_t items, const auto& move) {
-    const engine::Split slices{items, std::max<int64_t>(bytes / kMovedBytes, 1), kLoopFloats};
+    const int64_t slices = std::max<int64_t>(bytes / kMovedBytes, 1);
     const int64_t passes = std::max<int64_t>(kMovedBytes / bytes, 1);
     std::vector<double> seconds =
-        seconds_of_runs(threads, 2 * slices.parts, [&](int64_t run, int64_t part) {
-          const int64_t slice = run % slices.parts;
-          const engine::Split parts{slices.width(slice), threads, kLoopFloats};
-          const int64_t first = slices.begin(slice) + parts.begin(part);
-          for (int64_t pass = 0; pass < passes; ++pass) move(first, parts.width(part));
+        seconds_of_runs(threads, 2 * slices, [&](int64_t run, int64_t part) {
+          const int64_t begin = begin_of(run % slices, items, slices);
+          const int64_t width = begin_of(run % slices + 1, items, slices) - begin;
+          const int64_t first = begin_of(part, width, threads);
+          const int64_t end = begin_of(part + 1, width, threads);
+          for (int64_t pass = 0; pass < passes; ++pass) move(begin + first, end - first);
         });
-    const auto rank = slices.parts > 1 ? static_cast<int64_t>(seconds.size() / 2) : 0;
+    const auto rank = slices > 1 ? static_cast<int64_t>(seconds.size() / 2) : 0;
     std::ranges::nth_element(seconds, seconds.begin() + rank);
-    const auto moved = static_cast<double>(bytes * passes) / static_cast<double>(slices.parts);
+    const auto moved = static_cast<double>(bytes * passes) / static_cast<double>(slices);
     return moved / seconds[static_cast<size_t>(rank)] / kGiga;
   };
   float* const from = memory;
@@ -117,10 +123,10 @@ std::vector<Bandwidth> bandwidths(int threads) {
 #ifdef MADV_HUGEPAGE  // kernels use huge pages, too; without them, address translation takes time
   madvise(memory.get(), static_cast<size_t>(largest), MADV_HUGEPAGE);
 #endif
-  const engine::Split parts{floats, threads, kLoopFloats};
   // First touch places the pages near their thread.
   parallel_for(threads, threads, [&](int64_t part) {
-    std::fill_n(memory.get() + parts.begin(part), parts.width(part), 0.0F);
+    std::fill(memory.get() + begin_of(part, floats, threads),
+              memory.get() + begin_of(part + 1, floats, threads), 0.0F);
   });
   std::vector<Bandwidth> result;
   for (int64_t bytes = kSmallest; bytes < largest; bytes *= kStep)

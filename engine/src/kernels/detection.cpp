@@ -111,7 +111,7 @@ int64_t suppress(Candidate* candidates, int64_t n, const Box* boxes, int64_t top
   std::sort(candidates, candidates + n, is_better);
   if (top_k >= 0) n = std::min(n, top_k);
   return keep_unsuppressed(
-      candidates, n,
+      candidates, n, n,
       [&](const Candidate& kept, const Candidate& candidate) {
         return !(jaccard_overlap(boxes[candidate.box], boxes[kept.box]) <= threshold);
       },

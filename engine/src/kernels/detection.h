@@ -16,13 +16,14 @@ inline bool is_better(const Candidate& a, const Candidate& b) {
 }
 
 /// Greedy non-maximum suppression of sorted candidates: one is kept unless a kept one
-/// `suppresses(kept, candidate)`. Calls `after_each()` after each kept one. Moves the kept ones to
-/// the front, in order; returns their number.
-template <typename Suppresses, typename AfterEach>
-int64_t keep_unsuppressed(Candidate* candidates, int64_t n, const Suppresses& suppresses,
-                          const AfterEach& after_each) {
+/// `suppresses(kept, candidate)`. Calls `after_each()` after each kept one and ends with the `most`
+/// best. Moves the kept ones to the front, in order; returns their number.
+template <typename Suppresses, typename AfterEach = void (*)()>
+int64_t keep_unsuppressed(
+    Candidate* candidates, int64_t n, int64_t most, const Suppresses& suppresses,
+    const AfterEach& after_each = [] {}) {
   int64_t kept = 0;
-  for (int64_t i = 0; i < n; ++i) {
+  for (int64_t i = 0; i < n && kept < most; ++i) {
     const Candidate candidate = candidates[i];
     if (std::any_of(candidates, candidates + kept,
                     [&](const Candidate& other) { return suppresses(other, candidate); }))
@@ -31,11 +32,6 @@ int64_t keep_unsuppressed(Candidate* candidates, int64_t n, const Suppresses& su
     after_each();
   }
   return kept;
-}
-
-template <typename Suppresses>
-int64_t keep_unsuppressed(Candidate* candidates, int64_t n, const Suppresses& suppresses) {
-  return keep_unsuppressed(candidates, n, suppresses, [] {});
 }
 
 /// Corners as fractions of the image size.

@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "bfloat16.h"
 #include "kernels/nchw.h"
+#include "layout.h"
 #include "revisit/engine/parallel_for.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -106,11 +106,6 @@ HWY_EXPORT(gemv_bf16);
 
 namespace {
 
-bool supports(const InnerProductProblem& p) {
-  constexpr int64_t kMaxInputs = 8;  // a matrix product is faster from about 12 inputs
-  return !p.transposed && p.m <= kMaxInputs;
-}
-
 void run(const InnerProductProblem& p, const float* input, const float* weights, const float* bias,
          float* output) {
   HWY_DYNAMIC_DISPATCH(gemv)(p, input, weights, bias, output);
@@ -118,7 +113,7 @@ void run(const InnerProductProblem& p, const float* input, const float* weights,
 
 }  // namespace
 
-const InnerProductKernel kInnerProductGemv = {"gemv", supports, run};
+const InnerProductKernel kInnerProductGemv = {"gemv", run};
 
 void inner_product_bf16(const InnerProductProblem& p, const float* input, const BFloat16* weights,
                         const float* bias, float* output) {
@@ -126,10 +121,6 @@ void inner_product_bf16(const InnerProductProblem& p, const float* input, const 
 }
 
 namespace {
-
-bool always(const InnerProductProblem&) {
-  return true;
-}
 
 void run_gemm(const InnerProductProblem& p, const float* input, const float* weights,
               const float* bias, float* output) {
@@ -157,19 +148,11 @@ void run_reference(const InnerProductProblem& p, const float* input, const float
 
 }  // namespace
 
-const InnerProductKernel kInnerProductGemm = {"gemm", always, run_gemm, true};
-const InnerProductKernel kInnerProductReference = {"reference", always, run_reference};
-
-std::span<const InnerProductKernel> inner_product_kernels() {
-  static const InnerProductKernel kList[] = {kInnerProductGemv, kInnerProductGemm,
-                                             kInnerProductReference};
-  return kList;
-}
+const InnerProductKernel kInnerProductGemm = {"gemm", run_gemm, true};
+const InnerProductKernel kInnerProductReference = {"reference", run_reference};
 
 const InnerProductKernel& choose_inner_product(const InnerProductProblem& problem) {
-  for (const InnerProductKernel& kernel : inner_product_kernels())
-    if (kernel.supports(problem)) return kernel;
-  return kInnerProductReference;
+  return problem.has_few_inputs() ? kInnerProductGemv : kInnerProductGemm;
 }
 
 void inner_product(const InnerProductProblem& problem, const float* input, const float* weights,

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "bfloat16.h"
 #include "kernels/window.h"
+#include "layout.h"
 #include "revisit/engine/tensor.h"
 
 namespace revisit::engine {
@@ -17,24 +17,26 @@ struct InnerProductProblem {
   int64_t m = 1, n = 1, k = 1;
   bool transposed = false;
   int threads = 1;
+
+  /// Returns whether kInnerProductGemv supports it, and is faster than a matrix product.
+  bool has_few_inputs() const {
+    constexpr int64_t kMaxInputs = 8;  // a matrix product is faster from about 12 inputs
+    return !transposed && m <= kMaxInputs;
+  }
 };
 
 struct InnerProductKernel {
   const char* name;
-  bool (*supports)(const InnerProductProblem&);
   void (*run)(const InnerProductProblem&, const float* input, const float* weights,
               const float* bias, float* output);
   bool uses_blas = false;
 };
 
-/// Kernels in order of preference; the last is the reference and supports everything.
-std::span<const InnerProductKernel> inner_product_kernels();
-
 const InnerProductKernel& choose_inner_product(const InnerProductProblem& problem);
 void inner_product(const InnerProductProblem& problem, const float* input, const float* weights,
                    const float* bias, float* output);
 
-extern const InnerProductKernel kInnerProductGemv;  // for few inputs: reads the weights once
+extern const InnerProductKernel kInnerProductGemv;  // reads the weights once
 /// Like kInnerProductGemv, with bfloat16 weights; sums are in float32.
 void inner_product_bf16(const InnerProductProblem& problem, const float* input,
                         const BFloat16* weights, const float* bias, float* output);
@@ -73,16 +75,21 @@ class BlasWorkspace {
   int threads_;
 };
 
-/// Scores [outer][classes][inner]: each line has one per class.
-struct ClassLines {
-  int64_t outer = 0, classes = 0, inner = 0;
+/// A shape as [outer][size][inner] around one axis, or several adjacent ones.
+struct AxisRuns {
+  int64_t outer = 1, size = 1, inner = 1;
+  int64_t elements() const { return outer * size * inner; }
 };
 
-/// exp(x - max) / sum along the classes; a line with NaN or +infinity becomes NaN. `out` may be
-/// `in`. Bitwise equal for any number of threads.
-void softmax(const float* in, const ClassLines& lines, float* out, int threads = 1);
+inline AxisRuns runs_along(const Shape& shape, size_t axis) {
+  return {shape.product(0, axis), shape[axis], shape.product(axis + 1, shape.rank())};
+}
+
+/// exp(x - max) / sum along the axis; a line with NaN or +infinity becomes NaN. `out` may be `in`.
+/// Bitwise equal for any number of threads.
+void softmax(const float* in, const AxisRuns& lines, float* out, int threads = 1);
 /// Direct computation in double precision.
-void softmax_reference(const float* in, const ClassLines& lines, float* out);
+void softmax_reference(const float* in, const AxisRuns& lines, float* out);
 
 /// output[i][j][k]... = input[offset + i * strides[0] + j * strides[1] + ...].
 struct StridedCopyProblem {

@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "kernels/float_mode.h"
+#include "layout.h"
 
 #ifdef __SANITIZE_THREAD__
 extern "C" void __tsan_acquire(void*);

@@ -8,8 +8,7 @@
 #define HWY_TARGET_INCLUDE "kernels/recurrent.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
-#include "kernels/blocked/block-inl.h"
-#include "kernels/functions-inl.h"
+#include "kernels/blocked/epilogue-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

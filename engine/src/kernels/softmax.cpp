@@ -63,18 +63,18 @@ void normalize(const float* in, int64_t classes, int64_t step, size_t count, flo
 
 }  // namespace
 
-void softmax_lines(const float* in, const ClassLines& lines, float* out, int threads) {
+void softmax_lines(const float* in, const AxisRuns& lines, float* out, int threads) {
   const auto lanes = static_cast<int64_t>(hn::Lanes(Wide()));
-  const int64_t size = lines.classes * lines.inner;
+  const int64_t size = lines.size * lines.inner;
   const int64_t vectors =
-      std::max<int64_t>(kParallelGrain / std::max<int64_t>(lines.classes, 1) / lanes, 1);
+      std::max<int64_t>(kParallelGrain / std::max<int64_t>(lines.size, 1) / lanes, 1);
   const int64_t width = vectors * lanes, pieces = (lines.inner + width - 1) / width;
   parallel_for(lines.outer * pieces, threads, [&](int64_t item, int) HWY_ATTR {
     const int64_t begin = item % pieces * width, end = std::min(begin + width, lines.inner);
     const int64_t at = item / pieces * size;
     for (int64_t i = begin; i < end; i += lanes)
-      normalize(in + at + i, lines.classes, lines.inner,
-                static_cast<size_t>(std::min(lanes, end - i)), out + at + i);
+      normalize(in + at + i, lines.size, lines.inner, static_cast<size_t>(std::min(lanes, end - i)),
+                out + at + i);
   });
 }
 
@@ -98,20 +98,20 @@ void normalize_line(const float* in, int64_t classes, int64_t step, float* out) 
 
 }  // namespace
 
-void softmax(const float* in, const ClassLines& lines, float* out, int threads) {
+void softmax(const float* in, const AxisRuns& lines, float* out, int threads) {
   constexpr int64_t kFewLines = 4;
-  if (lines.classes == 0) return;
+  if (lines.size == 0) return;
   if (lines.inner >= kFewLines) return HWY_DYNAMIC_DISPATCH(softmax_lines)(in, lines, out, threads);
   for (int64_t line = 0; line < lines.outer * lines.inner; ++line) {
-    const int64_t first = line / lines.inner * lines.classes * lines.inner + line % lines.inner;
-    normalize_line(in + first, lines.classes, lines.inner, out + first);
+    const int64_t first = line / lines.inner * lines.size * lines.inner + line % lines.inner;
+    normalize_line(in + first, lines.size, lines.inner, out + first);
   }
 }
 
-void softmax_reference(const float* in, const ClassLines& lines, float* out) {
+void softmax_reference(const float* in, const AxisRuns& lines, float* out) {
   for (int64_t line = 0; line < lines.outer * lines.inner; ++line) {
-    const int64_t first = line / lines.inner * lines.classes * lines.inner + line % lines.inner;
-    const int64_t end = first + lines.classes * lines.inner;
+    const int64_t first = line / lines.inner * lines.size * lines.inner + line % lines.inner;
+    const int64_t end = first + lines.size * lines.inner;
     float largest = -INFINITY;
     for (int64_t i = first; i < end; i += lines.inner) largest = std::max(largest, in[i]);
     // The difference is computed in float, as in Caffe.

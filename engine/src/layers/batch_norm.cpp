@@ -2,7 +2,6 @@
 #include <cmath>
 
 #include "kernels/channels.h"
-#include "layers/broadcast.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -41,7 +40,7 @@ class BatchNormalization : public OneToOneLayer {
 
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
-    const ChannelRuns runs{shape[0], shape[1], shape.product(2, shape.rank())};
+    const AxisRuns runs = runs_along(shape, 1);
     if (!of_batch_)
       return {kernel_,
               [runs, threads = binding.threads, norms = norms(binding.weights)](const Call& call) {
@@ -53,8 +52,8 @@ class BatchNormalization : public OneToOneLayer {
     return {
         str(kernel_, "-of-batch"),
         [this, runs, threads = binding.threads, norms = norms(binding.weights)](const Call& call) {
-          parallel_for(runs.channels, threads, [&](int64_t channel, int) {
-            const int64_t first = channel * runs.inner, stride = runs.channels * runs.inner;
+          parallel_for(runs.size, threads, [&](int64_t channel, int) {
+            const int64_t first = channel * runs.inner, stride = runs.size * runs.inner;
             const ChannelNorm norm = with_statistics(
                 norms[channel], moments(call.inputs[0] + first, runs.outer, runs.inner, stride));
             for (int64_t i = first; i < runs.elements(); i += stride)
@@ -169,12 +168,6 @@ class Bn : public BatchNormalization {
   float eps_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_batch_norm(const caffe::LayerParameter& param) {
-  return std::make_unique<BatchNorm>(param);
-}
-
 std::unique_ptr<Layer> make_bn(const caffe::LayerParameter& param) {
   if (is_for_training(param))
     throw UnsupportedError(
@@ -182,5 +175,12 @@ std::unique_ptr<Layer> make_bn(const caffe::LayerParameter& param) {
         "bn_mode: LEARN (SegNet) for the statistics of the batch");
   return std::make_unique<Bn>(param.bn_param());
 }
+
+}  // namespace
+
+constinit const LayerEntries kBatchNormLayers = {
+    {"BatchNorm", make<BatchNorm>, "Caffe", "(x - mean) / deviation per channel", kTrained},
+    {"BN", make_bn, "PSPNet, SegNet", "batch normalization with trained scale and shift", kTrained},
+};
 
 }  // namespace revisit::engine

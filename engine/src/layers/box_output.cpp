@@ -9,32 +9,29 @@
 #include "revisit/base/error.h"
 
 namespace revisit::engine {
+namespace {
 
 /// Mean and deviation of a box's four offsets (bbox_reg_param of MS-CNN).
 class BoxOffsets {
  public:
   BoxOffsets() = default;
   /// Uses means and deviations only if both are given.
-  explicit BoxOffsets(const caffe::BBoxRegParameter& param);
+  explicit BoxOffsets(const caffe::BBoxRegParameter& param) {
+    if (param.bbox_mean_size() == 0 || param.bbox_std_size() == 0) return;
+    if (param.bbox_mean_size() != 4 || param.bbox_std_size() != 4)
+      throw InputError("expected 4 bbox_mean and 4 bbox_std, found ", param.bbox_mean_size(),
+                       " and ", param.bbox_std_size());
+    std::ranges::copy(param.bbox_mean(), means_.begin());
+    std::ranges::copy(param.bbox_std(), deviations_.begin());
+    for (const float deviation : deviations_)
+      if (!(deviation > 0)) throw InputError("bbox_std must be above 0, found ", deviation);
+  }
 
   float apply(size_t i, float number) const { return number * deviations_[i] + means_[i]; }
 
  private:
   std::array<float, 4> means_{0, 0, 0, 0}, deviations_{1, 1, 1, 1};
 };
-
-BoxOffsets::BoxOffsets(const caffe::BBoxRegParameter& param) {
-  if (param.bbox_mean_size() == 0 || param.bbox_std_size() == 0) return;
-  if (param.bbox_mean_size() != 4 || param.bbox_std_size() != 4)
-    throw InputError("expected 4 bbox_mean and 4 bbox_std, found ", param.bbox_mean_size(), " and ",
-                     param.bbox_std_size());
-  std::ranges::copy(param.bbox_mean(), means_.begin());
-  std::ranges::copy(param.bbox_std(), deviations_.begin());
-  for (const float deviation : deviations_)
-    if (!(deviation > 0)) throw InputError("bbox_std must be above 0, found ", deviation);
-}
-
-namespace {
 
 /// Regions for the next stage of Cascade R-CNN (zhaoweicai/cascade-rcnn,
 /// src/caffe/layers/decode_bbox_layer.cpp): regions `[rows][image, x1, y1, x2, y2]` moved by the
@@ -249,10 +246,10 @@ int64_t output_boxes(const FieldProblem& p, const Call& call) {
       return p.grouped || a.score != b.score ? is_better(a, b) : a.box > b.box;
     });
     if (p.max_candidates > 0) n = std::min(n, p.max_candidates);
-    n = keep_unsuppressed(candidates, n, [&](const Candidate& a, const Candidate& b) {
+    const int64_t most = p.most_kept > 0 ? p.most_kept : n;
+    n = keep_unsuppressed(candidates, n, most, [&](const Candidate& a, const Candidate& b) {
       return field_overlap(p, boxes[a.box], boxes[b.box]) > p.overlap_threshold;
     });
-    if (p.most_kept > 0) n = std::min(n, p.most_kept);
     for (int64_t i = 0; i < n; ++i, ++rows) {
       const FieldBox& box = boxes[candidates[i].box];
       const float row[] = {static_cast<float>(image), box.x1, box.y1, box.x2, box.y2,
@@ -273,8 +270,7 @@ int64_t output_boxes(const FieldProblem& p, const Call& call) {
 class FieldBoxOutput : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    if (n_outputs < 1 || n_outputs > 2)
-      throw InputError("expected 1 or 2 outputs (boxes; boxes with scores), found ", n_outputs);
+    expect_1_or_2(n_outputs, "outputs (boxes; boxes with scores)");
     const int64_t rows = problem(inputs).most_rows();
     std::vector<Shape> outputs{Shape{rows, 5, 1, 1}};
     if (n_outputs == 2) outputs.push_back(Shape{rows, 6, 1, 1});
@@ -403,16 +399,11 @@ class BoxGroupOutput : public FieldBoxOutput {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_decode_bbox(const caffe::LayerParameter& param) {
-  return std::make_unique<DecodeBBox>(param);
-}
-
-std::unique_ptr<Layer> make_box_output(const caffe::LayerParameter& param) {
-  return std::make_unique<BoxOutput>(param);
-}
-
-std::unique_ptr<Layer> make_box_group_output(const caffe::LayerParameter& param) {
-  return std::make_unique<BoxGroupOutput>(param);
-}
+constinit const LayerEntries kBoxOutputLayers = {
+    {"BoxGroupOutput", make<BoxGroupOutput>, "Cascade R-CNN",
+     "boxes of several anchors per map after suppression"},
+    {"BoxOutput", make<BoxOutput>, "MS-CNN", "boxes of one anchor per map after suppression"},
+    {"DecodeBBox", make<DecodeBBox>, "Cascade R-CNN", "regions moved by offsets"},
+};
 
 }  // namespace revisit::engine

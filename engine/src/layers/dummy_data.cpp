@@ -30,7 +30,7 @@ class DummyData : public Layer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     expect_count(inputs.size(), 0, "inputs");
-    if (n_outputs < 1) throw InputError("expected at least one output");
+    expect_any(n_outputs, "output");
     if (param_.data_filler_size() > 0)
       one_or_each(param_.data_filler_size(), n_outputs, "data_filler");
     const bool legacy = param_.num_size() > 0 || param_.channels_size() > 0 ||
@@ -100,12 +100,10 @@ class Parameter : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_dummy_data(const caffe::LayerParameter& param) {
-  return std::make_unique<DummyData>(param.dummy_data_param());
-}
-
-std::unique_ptr<Layer> make_parameter(const caffe::LayerParameter& param) {
-  return std::make_unique<Parameter>(param.parameter_param());
-}
+constinit const LayerEntries kDummyDataLayers = {
+    {"DummyData", make<DummyData, &Parameters::dummy_data_param>, "Caffe", "constants"},
+    {"Parameter", make<Parameter, &Parameters::parameter_param>, "Caffe", "a trained blob",
+     kTrained},
+};
 
 }  // namespace revisit::engine

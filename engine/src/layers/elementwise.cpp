@@ -4,7 +4,6 @@
 
 #include "kernels/channels.h"
 #include "kernels/epilogue.h"
-#include "layers/broadcast.h"
 #include "layers/layers.h"
 #include "revisit/base/hash.h"
 #include "revisit/engine/parallel_for.h"
@@ -12,16 +11,32 @@
 namespace revisit::engine {
 namespace {
 
+class ElementwiseLayer : public OneToOneLayer {
+ public:
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
+ protected:
+  /// Kernel of `change(in, count, out)` for any part of the values.
+  template <class Change>
+  static Kernel on_ranges(const char* name, const Binding& binding, Change change) {
+    return {name, [elements = binding.inputs[0].elements(), threads = binding.threads,
+                   change](const Call& call) {
+              parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
+                change(call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
+              });
+            }};
+  }
+};
+
 /// Uses Caffe's own expressions where they determine NaN and infinity or round in double. For
 /// activations they are the reference of the SIMD kernels.
 template <class Function>
-class Elementwise : public OneToOneLayer {
+class Elementwise : public ElementwiseLayer {
  public:
   Elementwise(const char* name, Function function, bool in_place, Form form)
       : name_(name), function_(std::move(function)), in_place_(in_place), form_(std::move(form)) {}
 
-  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
-  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
   bool allows_in_place() const override { return in_place_; }
   Rounding rounding() const override {
     const auto* activating = std::get_if<Activating>(&form_);
@@ -34,28 +49,17 @@ class Elementwise : public OneToOneLayer {
     const auto* activating = std::get_if<Activating>(&form_);
     if (activating && !binding.reference_kernels)
       return on_ranges(
-          binding, [epilogue = activating->epilogue](const float* in, int64_t count, float* out) {
+          name_, binding,
+          [epilogue = activating->epilogue](const float* in, int64_t count, float* out) {
             activate(epilogue, count, in, out);
           });
-    Kernel kernel =
-        on_ranges(binding, [function = function_](const float* in, int64_t count, float* out) {
-          std::transform(in, in + count, out, function);
-        });
-    if (activating) kernel.name = "reference";
-    return kernel;
+    return on_ranges(activating ? "reference" : name_, binding,
+                     [function = function_](const float* in, int64_t count, float* out) {
+                       std::transform(in, in + count, out, function);
+                     });
   }
 
  private:
-  template <class Change>
-  Kernel on_ranges(const Binding& binding, Change change) const {
-    return {name_, [elements = binding.inputs[0].elements(), threads = binding.threads,
-                    change](const Call& call) {
-              parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
-                change(call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
-              });
-            }};
-  }
-
   const char* name_;
   Function function_;
   bool in_place_;
@@ -86,12 +90,9 @@ float neutral_if_zero(float shift) {
 }
 
 /// Power with exponent 1, equal to a Scale with one number for all channels.
-class PowerOfOne : public OneToOneLayer {
+class PowerOfOne : public ElementwiseLayer {
  public:
   PowerOfOne(float scale, float shift) : scale_(scale), shift_(shift) {}
-
-  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
-  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     const std::vector<float> scale{scale_}, shift{shift_};
@@ -100,12 +101,9 @@ class PowerOfOne : public OneToOneLayer {
 
   Kernel bind(const Binding& binding) const override {
     const ChannelNorm norm{.factor = scale_, .shift = shift_};
-    return {"affine", [elements = binding.inputs[0].elements(), threads = binding.threads,
-                       norm](const Call& call) {
-              parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
-                normalize(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
-              });
-            }};
+    return on_ranges("affine", binding, [norm](const float* in, int64_t count, float* out) {
+      normalize(norm, in, count, out);
+    });
   }
 
  private:
@@ -120,7 +118,7 @@ float log_of_base(float base) {
   return result;
 }
 
-class PReLU : public OneToOneLayer {
+class PReLU : public ElementwiseLayer {
  public:
   explicit PReLU(const caffe::PReLUParameter& param) : shared_(param.channel_shared()) {}
 
@@ -133,9 +131,6 @@ class PReLU : public OneToOneLayer {
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
     return {shared_ ? Shape{} : Shape{inputs[0][1]}};
   }
-
-  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
-  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
     std::vector<float> slopes = weights[0].values;
@@ -151,9 +146,7 @@ class PReLU : public OneToOneLayer {
 
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
-    const ChannelRuns runs = shared_
-                                 ? ChannelRuns{1, 1, shape.elements()}
-                                 : ChannelRuns{shape[0], shape[1], shape.product(2, shape.rank())};
+    const AxisRuns runs = shared_ ? AxisRuns{.inner = shape.elements()} : runs_along(shape, 1);
     return {"prelu", [runs, slopes = binding.weights[0].values.data(),
                       threads = binding.threads](const Call& call) {
               const float* in = call.inputs[0];
@@ -207,7 +200,105 @@ class SampledDropout : public OneToOneLayer {
   uint64_t key_ = kFnv1aStart;
 };
 
-}  // namespace
+constexpr int64_t kChunk = 1024;  // elements per step, which fit the L1 cache
+
+using Inputs = std::vector<const float*>;
+
+void multiply(const Inputs& inputs, int64_t begin, int64_t count, float* result) {
+  std::copy_n(inputs[0] + begin, count, result);
+  for (size_t k = 1; k < inputs.size(); ++k)
+    for (int64_t i = 0; i < count; ++i) result[i] *= inputs[k][begin + i];
+}
+
+void add(const Inputs& inputs, const std::vector<float>& coefficients, int64_t begin, int64_t count,
+         float* result) {
+  std::fill_n(result, count, 0.0F);
+  for (size_t k = 0; k < inputs.size(); ++k) {
+    const float coefficient = coefficients[k];
+    if (coefficient == 0) continue;  // as in BLAS: NaN does not propagate
+    for (int64_t i = 0; i < count; ++i) result[i] += coefficient * inputs[k][begin + i];
+  }
+}
+
+/// Caffe's comparisons: if either of the first two inputs is NaN, the second remains.
+void maximum(const Inputs& inputs, int64_t begin, int64_t count, float* result) {
+  for (int64_t i = 0; i < count; ++i) {
+    const float a = inputs[0][begin + i], b = inputs[1][begin + i];
+    result[i] = a > b ? a : b;
+  }
+  for (size_t k = 2; k < inputs.size(); ++k)
+    for (int64_t i = 0; i < count; ++i)
+      if (inputs[k][begin + i] > result[i]) result[i] = inputs[k][begin + i];
+}
+
+class Eltwise : public Layer {
+ public:
+  using Param = caffe::EltwiseParameter;
+
+  explicit Eltwise(const Param& param) : param_(param) {
+    if (param.operation() == Param::PROD && param.coeff_size() > 0)
+      throw InputError("coeff is for the operation SUM, not for PROD");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    if (inputs.size() < 2) throw InputError("expected at least 2 inputs, found ", inputs.size());
+    expect_count(n_outputs, 1, "outputs");
+    const auto n_coefficients = static_cast<size_t>(param_.coeff_size());
+    if (n_coefficients != 0 && n_coefficients != inputs.size())
+      throw InputError("expected one coeff for each of ", inputs.size(), " inputs, found ",
+                       n_coefficients);
+    for (const Shape& input : inputs)
+      if (input != inputs[0])
+        throw InputError("inputs must have the same shape, found ", inputs[0], " and ", input);
+    return {inputs[0]};
+  }
+
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    using Operation = BlockedEltwise::Operation;
+    if (param_.operation() == Param::PROD) return Combining{Operation::kProduct, {}};
+    if (param_.operation() == Param::MAX) return Combining{Operation::kMaximum, {}};
+    return Combining{Operation::kSum, coefficients(inputs.size())};
+  }
+
+  /// False for sum and maximum, because Caffe fills their output before it reads the inputs.
+  bool allows_in_place() const override { return param_.operation() == Param::PROD; }
+
+  Kernel bind(const Binding& binding) const override {
+    const int64_t elements = binding.outputs[0].elements();
+    const int threads = binding.threads;
+    if (param_.operation() == Param::PROD) return kernel("product", elements, threads, multiply);
+    if (param_.operation() == Param::MAX) return kernel("maximum", elements, threads, maximum);
+    return kernel("sum", elements, threads,
+                  [coefficients = coefficients(binding.inputs.size())](
+                      const Inputs& inputs, int64_t begin, int64_t count, float* result) {
+                    add(inputs, coefficients, begin, count, result);
+                  });
+  }
+
+ private:
+  std::vector<float> coefficients(size_t n_inputs) const {
+    std::vector<float> result(param_.coeff().begin(), param_.coeff().end());
+    result.resize(n_inputs, 1);
+    return result;
+  }
+
+  /// Reads a chunk of all inputs before it writes the output, which may share their memory.
+  template <class Combine>
+  static Kernel kernel(const char* name, int64_t elements, int threads, Combine combine) {
+    return {name, [elements, threads, combine = std::move(combine)](const Call& call) {
+              parallel_ranges(elements, kChunk, threads, [&](int64_t begin, int64_t end) {
+                float result[kChunk];
+                combine(call.inputs, begin, end - begin, result);
+                std::copy_n(result, end - begin, call.outputs[0] + begin);
+              });
+            }};
+  }
+
+  Param param_;
+};
 
 std::unique_ptr<Layer> make_abs_val(const caffe::LayerParameter&) {
   constexpr bool kInPlace = false;  // the only elementwise function that Caffe rejects in place
@@ -313,10 +404,6 @@ std::unique_ptr<Layer> make_threshold(const caffe::LayerParameter& param) {
   return elementwise("threshold", [threshold](float x) { return x > threshold ? 1.0F : 0.0F; });
 }
 
-std::unique_ptr<Layer> make_prelu(const caffe::LayerParameter& param) {
-  return std::make_unique<PReLU>(param.prelu_param());
-}
-
 std::unique_ptr<Layer> make_dropout(const caffe::LayerParameter& param) {
   const caffe::DropoutParameter& dropout = param.dropout_param();
   if (dropout.sample_weights_test()) return std::make_unique<SampledDropout>(param);
@@ -326,5 +413,30 @@ std::unique_ptr<Layer> make_dropout(const caffe::LayerParameter& param) {
   scaling.mutable_power_param()->set_scale(1 / (1 / (1 - dropout.dropout_ratio())));
   return make_power(scaling);
 }
+
+}  // namespace
+
+constinit const LayerEntries kElementwiseLayers = {
+    {"AbsVal", make_abs_val, "Caffe", "absolute value"},
+    {"BNLL", make_bnll, "Caffe", "log(1 + exp x)"},
+    {"Clip", make_clip, "Caffe", "limits to [min, max]"},
+    {"Dropout", make_dropout, "Caffe",
+     "identity at inference; with options of forks, scales or drops"},
+    {"Eltwise", make<Eltwise, &Parameters::eltwise_param>, "Caffe",
+     "product, weighted sum, maximum"},
+    {"ELU", make_elu, "Caffe", "exponential linear unit"},
+    {"Exp", make_exp, "Caffe", "base ^ (shift + scale x)"},
+    {"Log", make_log, "Caffe", "log_base(shift + scale x)"},
+    {"Mish", make_mish, "YOLOv4", "x tanh(ln(1 + exp x))"},
+    {"Power", make_power, "Caffe", "(shift + scale x) ^ power"},
+    {"PReLU", make<PReLU, &Parameters::prelu_param>, "Caffe", "leaky ReLU with trained slopes",
+     kTrained},
+    {"ReLU", make_relu, "Caffe", "max(x, 0), or leaky"},
+    {"ReLU6", make_relu6, "forks", "min(max(x, 0), 6)"},
+    {"Sigmoid", make_sigmoid, "Caffe", "1 / (1 + exp(-x))"},
+    {"Swish", make_swish, "Caffe", "x sigmoid(beta x)"},
+    {"TanH", make_tanh, "Caffe", "hyperbolic tangent"},
+    {"Threshold", make_threshold, "Caffe", "1 above a threshold, else 0"},
+};
 
 }  // namespace revisit::engine

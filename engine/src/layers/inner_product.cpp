@@ -43,8 +43,7 @@ class InnerProduct : public OneToOneLayer {
                                       binding.threads};
     const float* weights = binding.weights[0].values.data();
     const float* bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
-    if (binding.bf16_weights && kInnerProductGemv.supports(problem))
-      return bind_bf16(problem, bias, binding);
+    if (binding.bf16_weights && problem.has_few_inputs()) return bind_bf16(problem, bias, binding);
     const InnerProductKernel& kernel =
         binding.reference_kernels ? kInnerProductReference : choose_inner_product(problem);
     return {kernel.name,
@@ -65,17 +64,16 @@ class InnerProduct : public OneToOneLayer {
     kernel.hold =
         [size = kernel.packed, &weights = binding.weights, cache = binding.cache,
          key = PackedWeightsKey{binding.layer, {}, {}, false, kernel.name, Precision::kBf16}] {
-          const auto packed = cache->get(key, [&] {
+          return cache->get(key, [&] {
             PackedWeights made{AlignedFloats(size.count / floats(1).count), {}};
             std::transform(weights[0].values.begin(), weights[0].values.end(),
                            reinterpret_cast<BFloat16*>(made.weights.data()), to_bfloat16);
             return made;
           });
-          return HeldWeights{packed->weights.data(), nullptr, nullptr, packed};
         };
     kernel.run = [problem, bias](const Call& call) {
       inner_product_bf16(problem, call.inputs[0],
-                         reinterpret_cast<const BFloat16*>(call.weights->weights), bias,
+                         reinterpret_cast<const BFloat16*>(call.weights->weights.data()), bias,
                          call.outputs[0]);
     };
     return kernel;
@@ -90,8 +88,9 @@ class InnerProduct : public OneToOneLayer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_inner_product(const caffe::LayerParameter& param) {
-  return std::make_unique<InnerProduct>(param.inner_product_param());
-}
+constinit const LayerEntries kInnerProductLayers = {
+    {"InnerProduct", make<InnerProduct, &Parameters::inner_product_param>, "Caffe",
+     "fully connected", kTrained},
+};
 
 }  // namespace revisit::engine

@@ -1,4 +1,3 @@
-#include "layers/join_and_cut.h"
 
 #include <algorithm>
 #include <numeric>
@@ -51,9 +50,9 @@ class Concat : public Layer {
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    if (inputs.empty()) throw InputError("expected at least one input");
+    expect_any(inputs.size(), "input");
     expect_count(n_outputs, 1, "outputs");
-    const size_t axis = concat_axis(inputs[0]);
+    const size_t axis = *only_axis(inputs[0]);
     int64_t total = 0;
     for (const Shape& input : inputs) {
       if (input.rank() != inputs[0].rank() || input.with(axis, 1) != inputs[0].with(axis, 1))
@@ -64,22 +63,20 @@ class Concat : public Layer {
     return {inputs[0].with(axis, total)};
   }
 
-  std::optional<WindowHw> window(const Shape& input) const override {
-    return window_across(concat_axis(input), input);
+  std::optional<size_t> only_axis(const Shape& input) const override {
+    return input.canonical_axis(
+        param_.has_concat_dim() ? static_cast<int64_t>(param_.concat_dim()) : param_.axis(),
+        "concat axis");
   }
 
   Rounding rounding() const override { return Rounding::kNone; }
 
-  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
-    return concat_axis(inputs[0]) > 0;
-  }
-
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    return inputs[0].rank() == 4 && concat_axis(inputs[0]) == 1 ? Form(Joining{}) : Form();
+    return inputs[0].rank() == 4 && only_axis(inputs[0]) == 1U ? Form(Joining{}) : Form();
   }
 
   Kernel bind(const Binding& binding) const override {
-    const size_t axis = concat_axis(binding.outputs[0]);
+    const size_t axis = *only_axis(binding.outputs[0]);
     std::vector<int64_t> sizes;
     for (const Shape& input : binding.inputs) sizes.push_back(input.product(axis, input.rank()));
     Kernel kernel = join_kernel(binding.outputs[0].product(0, axis), sizes);
@@ -88,12 +85,6 @@ class Concat : public Layer {
   }
 
  private:
-  size_t concat_axis(const Shape& shape) const {
-    return shape.canonical_axis(
-        param_.has_concat_dim() ? static_cast<int64_t>(param_.concat_dim()) : param_.axis(),
-        "concat axis");
-  }
-
   caffe::ConcatParameter param_;
 };
 
@@ -106,8 +97,8 @@ class Slice : public Layer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     expect_count(inputs.size(), 1, "inputs");
-    if (n_outputs < 1) throw InputError("expected at least one output");
-    const size_t axis = slice_axis(inputs[0]);
+    expect_any(n_outputs, "output");
+    const size_t axis = *only_axis(inputs[0]);
     const int64_t size = inputs[0][axis];
     std::vector<Shape> outputs;
     if (param_.slice_point_size() == 0) {
@@ -133,22 +124,20 @@ class Slice : public Layer {
     return outputs;
   }
 
-  std::optional<WindowHw> window(const Shape& input) const override {
-    return window_across(slice_axis(input), input);
+  std::optional<size_t> only_axis(const Shape& input) const override {
+    return input.canonical_axis(
+        param_.has_slice_dim() ? static_cast<int64_t>(param_.slice_dim()) : param_.axis(),
+        "slice axis");
   }
 
   Rounding rounding() const override { return Rounding::kNone; }
 
-  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
-    return slice_axis(inputs[0]) > 0;
-  }
-
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    return inputs[0].rank() == 4 && slice_axis(inputs[0]) == 1 ? Form(Cutting{}) : Form();
+    return inputs[0].rank() == 4 && only_axis(inputs[0]) == 1U ? Form(Cutting{}) : Form();
   }
 
   Kernel bind(const Binding& binding) const override {
-    const size_t axis = slice_axis(binding.inputs[0]);
+    const size_t axis = *only_axis(binding.inputs[0]);
     std::vector<int64_t> sizes;
     for (const Shape& output : binding.outputs)
       sizes.push_back(output.product(axis, output.rank()));
@@ -158,12 +147,6 @@ class Slice : public Layer {
   }
 
  private:
-  size_t slice_axis(const Shape& input) const {
-    return input.canonical_axis(
-        param_.has_slice_dim() ? static_cast<int64_t>(param_.slice_dim()) : param_.axis(),
-        "slice axis");
-  }
-
   caffe::SliceParameter param_;
 };
 
@@ -273,50 +256,35 @@ class Tile : public OneToOneLayer {
   }
 
   Shape output_shape(const Shape& input) const override {
-    const size_t axis = tile_axis(input);
+    const size_t axis = *only_axis(input);
     return input.with(axis, input[axis] * param_.tiles());
   }
 
-  std::optional<WindowHw> window(const Shape& input) const override {
-    return window_across(tile_axis(input), input);
+  std::optional<size_t> only_axis(const Shape& input) const override {
+    return input.canonical_axis(param_.axis(), "tile axis");
   }
 
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
-    const size_t axis = tile_axis(input);
+    const size_t axis = *only_axis(input);
     const int64_t run = input.product(axis, input.rank());
     return copy_kernel(
         "copy", {{input.product(0, axis), param_.tiles(), run}, {run, 0, 1}, 0, binding.threads});
   }
 
  private:
-  size_t tile_axis(const Shape& input) const {
-    return input.canonical_axis(param_.axis(), "tile axis");
-  }
-
   caffe::TileParameter param_;
 };
 
 }  // namespace
 
-std::unique_ptr<Layer> make_concat(const caffe::LayerParameter& param) {
-  return std::make_unique<Concat>(param.concat_param());
-}
-
-std::unique_ptr<Layer> make_slice(const caffe::LayerParameter& param) {
-  return std::make_unique<Slice>(param.slice_param());
-}
-
-std::unique_ptr<Layer> make_crop(const caffe::LayerParameter& param) {
-  return std::make_unique<Crop>(param.crop_param());
-}
-
-std::unique_ptr<Layer> make_crop_center(const caffe::LayerParameter& param) {
-  return std::make_unique<CropCenter>(param.crop_center_param());
-}
-
-std::unique_ptr<Layer> make_tile(const caffe::LayerParameter& param) {
-  return std::make_unique<Tile>(param.tile_param());
-}
+constinit const LayerEntries kJoinAndCutLayers = {
+    {"Concat", make<Concat, &Parameters::concat_param>, "Caffe", "joins along an axis"},
+    {"Crop", make<Crop, &Parameters::crop_param>, "Caffe", "crops to the size of another blob"},
+    {"CropCenter", make<CropCenter, &Parameters::crop_center_param>, "waifu2x-caffe",
+     "crops both ends of axes"},
+    {"Slice", make<Slice, &Parameters::slice_param>, "Caffe", "cuts along an axis"},
+    {"Tile", make<Tile, &Parameters::tile_param>, "Caffe", "repeats along an axis"},
+};
 
 }  // namespace revisit::engine

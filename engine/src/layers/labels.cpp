@@ -10,41 +10,33 @@ namespace revisit::engine {
 namespace {
 
 struct LabeledScores {
-  ClassLines lines;
+  AxisRuns lines;
   std::optional<int> ignored;
 
   /// Throws InputError unless there are two matching inputs and one or two outputs.
   static LabeledScores of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
-                          std::optional<int> ignored);
+                          std::optional<int> ignored) {
+    expect_count(inputs.size(), 2, "inputs (scores and labels)");
+    expect_1_or_2(n_outputs, "outputs");
+    const Shape& scores = inputs[0];
+    const AxisRuns lines = runs_along(scores, scores.canonical_axis(axis, "class axis"));
+    if (inputs[1].elements() != lines.outer * lines.inner)
+      throw InputError("scores of shape ", scores, " need ", lines.outer * lines.inner,
+                       " labels, found ", inputs[1].elements());
+    return {lines, ignored};
+  }
 
   enum class Kind { kClass, kIgnored, kInvalid };
   /// Classifies the value of a label. For invalid ones Caffe reads beyond the scores, so no correct
   /// result exists; ours is NaN.
-  Kind classify(float value) const;
+  Kind classify(float value) const {
+    constexpr float kLimit = 2147483648.0F;  // the conversion is undefined beyond it and for NaN
+    if (!(value > -kLimit && value < kLimit)) return Kind::kInvalid;
+    const int label = static_cast<int>(value);
+    if (label == ignored) return Kind::kIgnored;
+    return label >= 0 && label < lines.size ? Kind::kClass : Kind::kInvalid;
+  }
 };
-
-LabeledScores LabeledScores::of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
-                                std::optional<int> ignored) {
-  expect_count(inputs.size(), 2, "inputs (scores and labels)");
-  if (n_outputs < 1 || n_outputs > 2)
-    throw InputError("expected 1 or 2 outputs, found ", n_outputs);
-  const Shape& scores = inputs[0];
-  const size_t classes = scores.canonical_axis(axis, "class axis");
-  const ClassLines lines{scores.product(0, classes), scores[classes],
-                         scores.product(classes + 1, scores.rank())};
-  if (inputs[1].elements() != lines.outer * lines.inner)
-    throw InputError("scores of shape ", scores, " need ", lines.outer * lines.inner,
-                     " labels, found ", inputs[1].elements());
-  return {lines, ignored};
-}
-
-LabeledScores::Kind LabeledScores::classify(float value) const {
-  constexpr float kLimit = 2147483648.0F;  // the conversion is undefined beyond it and for NaN
-  if (!(value > -kLimit && value < kLimit)) return Kind::kInvalid;
-  const int label = static_cast<int>(value);
-  if (label == ignored) return Kind::kIgnored;
-  return label >= 0 && label < lines.classes ? Kind::kClass : Kind::kInvalid;
-}
 
 /// Fraction of labels whose score is among the k best; the second output has it per class.
 class AccuracyLayer : public Layer {
@@ -52,7 +44,7 @@ class AccuracyLayer : public Layer {
   explicit AccuracyLayer(const caffe::AccuracyParameter& param) : param_(param) {}
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    const int64_t classes = scores(inputs, n_outputs).lines.classes;
+    const int64_t classes = scores(inputs, n_outputs).lines.size;
     if (param_.top_k() > classes)
       throw InputError("top_k ", param_.top_k(), " is more than the ", classes, " classes");
     std::vector<Shape> outputs{Shape{}};
@@ -67,7 +59,7 @@ class AccuracyLayer : public Layer {
             [s, by_class, top_k = int64_t{param_.top_k()}](const Call& call) {
               count(s, top_k, call, by_class ? call.outputs[1] : nullptr);
             },
-            floats(by_class ? s.lines.classes : 0)};
+            floats(by_class ? s.lines.size : 0)};
   }
 
  private:
@@ -78,10 +70,10 @@ class AccuracyLayer : public Layer {
   }
 
   /// Equal scores of other classes count as better; NaN is not better than any score.
-  static bool is_among_best(const float* line, const ClassLines& lines, int64_t label,
+  static bool is_among_best(const float* line, const AxisRuns& lines, int64_t label,
                             int64_t top_k) {
     int64_t better = -1;  // the loop counts the label itself
-    for (int64_t c = 0; c < lines.classes && better < top_k; ++c)
+    for (int64_t c = 0; c < lines.size && better < top_k; ++c)
       better += line[c * lines.inner] >= line[label * lines.inner];
     return better < top_k;
   }
@@ -89,9 +81,9 @@ class AccuracyLayer : public Layer {
   /// `hits_of` counts per class and may be null.
   static void count(const LabeledScores& s, int64_t top_k, const Call& call, float* hits_of) {
     using Kind = LabeledScores::Kind;
-    const ClassLines& lines = s.lines;
+    const AxisRuns& lines = s.lines;
     float* labels_of = call.scratch;
-    for (int64_t c = 0; hits_of && c < lines.classes; ++c) hits_of[c] = labels_of[c] = 0;
+    for (int64_t c = 0; hits_of && c < lines.size; ++c) hits_of[c] = labels_of[c] = 0;
     int64_t hits = 0, labels = 0;
     bool valid = true;
     for (int64_t o = 0; o < lines.outer; ++o)
@@ -101,8 +93,8 @@ class AccuracyLayer : public Layer {
         valid &= kind != Kind::kInvalid;
         if (kind != Kind::kClass) continue;
         const auto label = static_cast<int64_t>(value);
-        const bool hit = is_among_best(call.inputs[0] + o * lines.classes * lines.inner + i, lines,
-                                       label, top_k);
+        const bool hit =
+            is_among_best(call.inputs[0] + o * lines.size * lines.inner + i, lines, label, top_k);
         hits += hit;
         ++labels;
         if (!hits_of) continue;
@@ -114,7 +106,7 @@ class AccuracyLayer : public Layer {
       return whole == 0 ? 0.0F : part / whole;
     };
     *call.outputs[0] = share(static_cast<float>(hits), static_cast<float>(labels));
-    for (int64_t c = 0; hits_of && c < lines.classes; ++c)
+    for (int64_t c = 0; hits_of && c < lines.size; ++c)
       hits_of[c] = share(hits_of[c], labels_of[c]);
   }
 
@@ -165,7 +157,7 @@ class SoftmaxWithLoss : public Layer {
   static float loss(const LabeledScores& s, Loss::NormalizationMode normalization,
                     const float* probabilities, const float* labels) {
     using Kind = LabeledScores::Kind;
-    const ClassLines& lines = s.lines;
+    const AxisRuns& lines = s.lines;
     float sum = 0;
     int64_t n_valid = 0;
     for (int64_t o = 0; o < lines.outer; ++o)
@@ -174,7 +166,7 @@ class SoftmaxWithLoss : public Layer {
         const Kind kind = s.classify(value);
         if (kind == Kind::kInvalid) return std::numeric_limits<float>::quiet_NaN();
         if (kind == Kind::kIgnored) continue;
-        const int64_t at = (o * lines.classes + static_cast<int64_t>(value)) * lines.inner + i;
+        const int64_t at = (o * lines.size + static_cast<int64_t>(value)) * lines.inner + i;
         sum -= std::log(std::max(probabilities[at], FLT_MIN));
         ++n_valid;
       }
@@ -218,16 +210,11 @@ class EuclideanLoss : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_accuracy(const caffe::LayerParameter& param) {
-  return std::make_unique<AccuracyLayer>(param.accuracy_param());
-}
-
-std::unique_ptr<Layer> make_softmax_with_loss(const caffe::LayerParameter& param) {
-  return std::make_unique<SoftmaxWithLoss>(param);
-}
-
-std::unique_ptr<Layer> make_euclidean_loss(const caffe::LayerParameter&) {
-  return std::make_unique<EuclideanLoss>();
-}
+constinit const LayerEntries kLabelsLayers = {
+    {"Accuracy", make<AccuracyLayer, &Parameters::accuracy_param>, "Caffe",
+     "fraction of labels among the k best scores"},
+    {"EuclideanLoss", make<EuclideanLoss>, "Caffe", "half the squared distance, mean over images"},
+    {"SoftmaxWithLoss", make<SoftmaxWithLoss>, "Caffe", "mean of -log softmax of the labels"},
+};
 
 }  // namespace revisit::engine

@@ -1,32 +1,54 @@
 #pragma once
 
+#include <initializer_list>
 #include <memory>
+#include <type_traits>
 
+#include "kernels/nchw.h"
 #include "layer.h"
 #include "revisit/engine/net.h"
 
 namespace revisit::engine {
 
-/// Each factory throws InputError for parameters that are invalid for any input.
-using LayerFactory = std::unique_ptr<Layer>(const caffe::LayerParameter&);
+/// A layer type.
+struct LayerEntry {
+  const char* type;
+  /// Throws InputError for parameters that are invalid for any input.
+  std::unique_ptr<Layer> (*make)(const caffe::LayerParameter&);
+  const char* origin;  // LayerType::origin
+  const char* does;
+  bool has_weights = false;
+  const char* other_forks = nullptr;  // set if the file cannot show which fork's layer it means
+};
+constexpr bool kTrained = true;
 
-LayerFactory make_abs_val, make_accuracy, make_argmax, make_axpy, make_batch_norm,
-    make_batch_reindex, make_bias, make_bn, make_bnll, make_box_group_output, make_box_output,
-    make_clip, make_concat, make_convolution, make_convolution_depthwise, make_crop,
-    make_crop_center, make_decode_bbox, make_deconvolution, make_depthwise_convolution,
-    make_detection_output, make_dropout, make_dummy_data, make_eltwise, make_elu, make_embed,
-    make_euclidean_loss, make_exp, make_filter, make_flatten, make_flip, make_identity, make_im2col,
-    make_inner_product, make_interp, make_log, make_lrn, make_lstm, make_mish, make_mvn,
-    make_normalize, make_parameter, make_permute, make_pooling, make_power, make_prelu,
-    make_prior_box, make_prior_box_clustered, make_proposal, make_psroi_pooling, make_reduction,
-    make_relu, make_relu6, make_reorg, make_reshape, make_reverse, make_rnn, make_roi_align,
-    make_roi_pooling, make_rows_lstm, make_scale, make_shuffle_channel, make_sigmoid, make_silence,
-    make_slice, make_softmax, make_softmax_with_loss, make_spp, make_swish, make_tanh,
-    make_threshold, make_tile, make_transpose, make_upsample, make_yolo_detection_output,
-    make_yolov3_detection_output;
+using Parameters = caffe::LayerParameter;
+
+/// LayerEntry::make of a class that is constructed from the message `kMessage` and `kMore`, or else
+/// from all parameters, if it takes any.
+template <class L, auto kMessage = nullptr, auto... kMore>
+std::unique_ptr<Layer> make(const Parameters& param) {
+  if constexpr (std::is_member_function_pointer_v<decltype(kMessage)>)
+    return std::make_unique<L>((param.*kMessage)(), kMore...);
+  else if constexpr (std::is_constructible_v<L, const Parameters&>)
+    return std::make_unique<L>(param);
+  else
+    return std::make_unique<L>();
+}
+
+using LayerEntries = std::initializer_list<LayerEntry>;
+
+/// The layer types of each file.
+extern const LayerEntries kBatchNormLayers, kBoxOutputLayers, kConvolutionLayers, kDummyDataLayers,
+    kElementwiseLayers, kInnerProductLayers, kJoinAndCutLayers, kLabelsLayers, kNormalizeLayers,
+    kPermuteLayers, kPoolingLayers, kProposalLayers, kRecurrentLayers, kReductionLayers,
+    kReshapeLayers, kResizeLayers, kRoiPoolingLayers, kRowsLayers, kScaleLayers, kSsdLayers,
+    kYoloDetectionOutputLayers;
+
+std::unique_ptr<Layer> make_identity(const caffe::LayerParameter& param);
 
 /// Not in the registry: values of the first input with the shape of the second.
-LayerFactory make_reshaped_like;
+std::unique_ptr<Layer> make_reshaped_like();
 
 /// Type of net inputs, for which the engine has no layer.
 constexpr const char* kInputType = "Input";
@@ -43,5 +65,30 @@ std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param);
 /// Returns the chosen interpretation and the fork with a different one, if the file cannot show
 /// which fork's layer type it means; "" for all other layers.
 std::string ambiguity_of(const caffe::LayerParameter& param);
+
+// Shared by files of layers.
+
+// Kernels that copy. Joining and cutting along an axis support values of any layout.
+Kernel copy_kernel(const char* name, StridedCopyProblem copy);
+
+/// Concatenates the inputs `outer` times; `sizes` has the floats of each.
+Kernel join_kernel(int64_t outer, const std::vector<int64_t>& sizes);
+
+/// Inverse of join_kernel().
+Kernel cut_kernel(int64_t outer, const std::vector<int64_t>& sizes, int threads);
+
+/// Takes `num_axes` axes of the input from `axis`; -1: all that follow.
+Shape trained_operand(const Shape& input, int64_t axis, int64_t num_axes);
+
+/// Maps `operand` to `input`, with its first axis at `axis`. A scalar matches any axis.
+AxisRuns lay_over(const Shape& operand, const Shape& input, int64_t axis);
+
+/// Returns x * scale + shift as ChannelAffine if `runs` assigns one number to each channel of
+/// `input` (or to all); `scale` or `shift` can be null. Returns an empty form for other runs, and
+/// for numbers that are not finite, because fused factors would change the results.
+Form channel_affine(const AxisRuns& runs, const Shape& input, const std::vector<float>* scale,
+                    const std::vector<float>* shift);
+
+bool all_finite(const ChannelAffine& affine);
 
 }  // namespace revisit::engine

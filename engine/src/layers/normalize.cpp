@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "kernels/channels.h"
+#include "kernels/nchw.h"
 #include "layers/layers.h"
 #include "revisit/engine/parallel_for.h"
 
@@ -136,14 +137,97 @@ class Mvn : public OneToOneLayer {
   caffe::MVNParameter param_;
 };
 
+class Lrn : public OneToOneLayer {
+ public:
+  explicit Lrn(const caffe::LRNParameter& param) : param_(param) {
+    if (param.local_size() % 2 == 0)
+      throw InputError("local_size must be odd, found ", param.local_size());
+    expect_int(param.local_size(), "local_size");
+  }
+
+  Shape output_shape(const Shape& input) const override {
+    expect_image(input, "LRN");
+    return input;
+  }
+
+  std::optional<WindowHw> window(const Shape&) const override {
+    if (across()) return WindowHw{};
+    const Window square{param_.local_size(), 1, param_.local_size() / 2};
+    return WindowHw{square, square};
+  }
+
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    return across() ? Form(problem_of(inputs[0])) : Form();
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    LrnProblem problem = problem_of(binding.inputs[0]);
+    problem.threads = binding.threads;
+    if (!across())
+      return {"lrn-within", [problem](const Call& call) {
+                lrn_within_channel(problem, call.inputs[0], call.outputs[0]);
+              }};
+    auto* const run =
+        binding.reference_kernels ? lrn_across_channels_reference : lrn_across_channels;
+    return {binding.reference_kernels ? "reference" : "lrn-across",
+            [problem, run](const Call& call) { run(problem, call.inputs[0], call.outputs[0]); }};
+  }
+
+ private:
+  bool across() const { return param_.norm_region() == caffe::LRNParameter::ACROSS_CHANNELS; }
+
+  LrnProblem problem_of(const Shape& shape) const {
+    return {shape[0],       shape[1],      shape[2],  shape[3], param_.local_size(),
+            param_.alpha(), param_.beta(), param_.k()};
+  }
+
+  caffe::LRNParameter param_;
+};
+
+class Softmax : public OneToOneLayer {
+ public:
+  explicit Softmax(const caffe::SoftmaxParameter& param) : axis_(param.axis()) {}
+
+  Shape output_shape(const Shape& input) const override {
+    only_axis(input);
+    return input;
+  }
+
+  std::optional<size_t> only_axis(const Shape& input) const override {
+    return input.canonical_axis(axis_, "softmax axis");
+  }
+
+  Rounding rounding() const override { return Rounding::kCompared; }
+
+  bool allows_in_place() const override { return true; }  // because Caffe copies its input first
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& shape = binding.inputs[0];
+    const AxisRuns lines = runs_along(shape, *only_axis(shape));
+    if (binding.reference_kernels)
+      return {"reference", [lines](const Call& call) {
+                softmax_reference(call.inputs[0], lines, call.outputs[0]);
+              }};
+    return {"softmax", [lines, threads = binding.threads](const Call& call) {
+              softmax(call.inputs[0], lines, call.outputs[0], threads);
+            }};
+  }
+
+ private:
+  int axis_;
+};
+
 }  // namespace
 
-std::unique_ptr<Layer> make_normalize(const caffe::LayerParameter& param) {
-  return std::make_unique<Normalize>(param.norm_param());
-}
-
-std::unique_ptr<Layer> make_mvn(const caffe::LayerParameter& param) {
-  return std::make_unique<Mvn>(param.mvn_param());
-}
+constinit const LayerEntries kNormalizeLayers = {
+    {"LRN", make<Lrn, &Parameters::lrn_param>, "Caffe",
+     "local response normalization, across or within channels"},
+    {"MVN", make<Mvn, &Parameters::mvn_param>, "Caffe", "mean and variance normalization"},
+    {"Normalize", make<Normalize, &Parameters::norm_param>, "SSD",
+     "L2 normalization with a trained scale", kTrained},
+    {"Softmax", make<Softmax, &Parameters::softmax_param>, "Caffe", "softmax along an axis"},
+};
 
 }  // namespace revisit::engine

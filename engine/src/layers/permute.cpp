@@ -1,6 +1,5 @@
 #include <algorithm>
 
-#include "layers/join_and_cut.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -9,15 +8,16 @@ namespace {
 /// Transposition: axis i of the output is axis order[i] of the input.
 class Permute : public OneToOneLayer {
  public:
-  /// `field` is the name of `order` in the file.
-  Permute(std::vector<int64_t> order, const char* field) : order_(std::move(order)), field_(field) {
-    std::vector<int64_t> sorted = order_;
-    std::sort(sorted.begin(), sorted.end());
-    const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
-    if (twice != sorted.end()) throw InputError(field_, " names axis ", *twice, " twice");
-  }
+  explicit Permute(const caffe::PermuteParameter& param)
+      : Permute({param.order().begin(), param.order().end()}, "order", false) {}
+  /// Lists all axes (tianzhi0549/CTPN, transpose_layer.cpp).
+  explicit Permute(const caffe::TransposeParameter& param)
+      : Permute({param.dim().begin(), param.dim().end()}, "dim", true) {}
 
   Shape output_shape(const Shape& input) const override {
+    if (names_all_ && (order_.size() != input.rank() || order_.empty()))
+      throw InputError("dim must name each of the ", input.rank(), " axes of the input (", input,
+                       "), found ", order_.size());
     for (const int64_t axis : order_)
       if (axis < 0 || axis >= static_cast<int64_t>(input.rank()))
         throw InputError(field_, " names axis ", axis, ", the input is ", input);
@@ -42,10 +42,16 @@ class Permute : public OneToOneLayer {
     return copy_kernel("transpose", std::move(copy));
   }
 
- protected:
-  size_t n_named() const { return order_.size(); }
-
  private:
+  /// `field` is the name of `order` in the file.
+  Permute(std::vector<int64_t> order, const char* field, bool names_all)
+      : order_(std::move(order)), field_(field), names_all_(names_all) {
+    std::vector<int64_t> sorted = order_;
+    std::sort(sorted.begin(), sorted.end());
+    const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
+    if (twice != sorted.end()) throw InputError(field_, " names axis ", *twice, " twice");
+  }
+
   std::vector<size_t> whole_order(size_t rank) const {
     std::vector<size_t> order(order_.begin(), order_.end());
     for (size_t axis = 0; axis < rank; ++axis)
@@ -55,20 +61,7 @@ class Permute : public OneToOneLayer {
 
   std::vector<int64_t> order_;
   const char* field_;
-};
-
-/// Permute with all axes listed (tianzhi0549/CTPN, transpose_layer.cpp).
-class Transpose : public Permute {
- public:
-  explicit Transpose(const caffe::TransposeParameter& param)
-      : Permute({param.dim().begin(), param.dim().end()}, "dim") {}
-
-  Shape output_shape(const Shape& input) const override {
-    if (n_named() != input.rank() || n_named() == 0)
-      throw InputError("dim must name each of the ", input.rank(), " axes of the input (", input,
-                       "), found ", n_named());
-    return Permute::output_shape(input);
-  }
+  bool names_all_;
 };
 
 /// Transposes channels [group][channel of the group] (layer of the ShuffleNet fork).
@@ -155,8 +148,21 @@ class Reorg : public OneToOneLayer {
   bool reverse_;
 };
 
-class Reversing : public OneToOneLayer {
+/// Reverse: tianzhi0549/CTPN, reverse_layer.cpp: one axis, by default 0. Synopsys' fork
+/// (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) has several axes, which may be negative.
+/// Without axes it is the identity, which cannot be distinguished from CTPN's default.
+/// Flip: happynear/caffe-windows, flip_layer.cpp: mirrors images. Missing axes count as size 1.
+class Reverse : public OneToOneLayer {
  public:
+  explicit Reverse(const caffe::ReverseParameter& param)
+      : axes_(param.axis().begin(), param.axis().end()) {
+    if (axes_.empty()) axes_ = {0};
+  }
+  explicit Reverse(const caffe::FlipParameter& param) : flips_(true) {
+    if (param.flip_height()) axes_.push_back(2);
+    if (param.flip_width()) axes_.push_back(3);
+  }
+
   Shape output_shape(const Shape& input) const override {
     reversed(input);
     return input;
@@ -196,25 +202,14 @@ class Reversing : public OneToOneLayer {
     return copy_kernel("reverse", std::move(copy));
   }
 
- protected:
+ private:
   /// Returns for each axis of the input whether it is reversed. Throws InputError for invalid axes.
-  virtual std::vector<bool> reversed(const Shape& input) const = 0;
-};
-
-/// tianzhi0549/CTPN, reverse_layer.cpp: one axis, by default 0. Synopsys' fork
-/// (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) has several axes, which may be negative.
-/// Without axes it is the identity, which cannot be distinguished from CTPN's default.
-class Reverse : public Reversing {
- public:
-  explicit Reverse(const caffe::ReverseParameter& param)
-      : axes_(param.axis().begin(), param.axis().end()) {
-    if (axes_.empty()) axes_ = {0};
-  }
-
- protected:
-  std::vector<bool> reversed(const Shape& input) const override {
+  std::vector<bool> reversed(const Shape& input) const {
+    if (flips_ && input.rank() > 4)
+      throw InputError("Flip needs an input of at most 4 axes (n x c x h x w), found ", input);
     std::vector<bool> result(input.rank());
     for (const int32_t named : axes_) {
+      if (flips_ && named >= static_cast<int32_t>(input.rank())) continue;
       const size_t axis = input.canonical_axis(named, "reverse axis");
       if (result[axis])
         throw InputError("axis ", axis, " of the input (", input, ") is named twice");
@@ -223,53 +218,23 @@ class Reverse : public Reversing {
     return result;
   }
 
- private:
   std::vector<int32_t> axes_;
-};
-
-/// happynear/caffe-windows, flip_layer.cpp: mirrors images. Missing axes count as size 1.
-class Flip : public Reversing {
- public:
-  explicit Flip(const caffe::FlipParameter& param) : param_(param) {}
-
- protected:
-  std::vector<bool> reversed(const Shape& input) const override {
-    if (input.rank() > 4)
-      throw InputError("Flip needs an input of at most 4 axes (n x c x h x w), found ", input);
-    std::vector<bool> result{false, false, param_.flip_height(), param_.flip_width()};
-    result.resize(input.rank());
-    return result;
-  }
-
- private:
-  caffe::FlipParameter param_;
+  bool flips_ = false;
 };
 
 }  // namespace
 
-std::unique_ptr<Layer> make_permute(const caffe::LayerParameter& param) {
-  const auto& order = param.permute_param().order();
-  return std::make_unique<Permute>(std::vector<int64_t>(order.begin(), order.end()), "order");
-}
-
-std::unique_ptr<Layer> make_transpose(const caffe::LayerParameter& param) {
-  return std::make_unique<Transpose>(param.transpose_param());
-}
-
-std::unique_ptr<Layer> make_shuffle_channel(const caffe::LayerParameter& param) {
-  return std::make_unique<ShuffleChannel>(param.shuffle_channel_param());
-}
-
-std::unique_ptr<Layer> make_reorg(const caffe::LayerParameter& param) {
-  return std::make_unique<Reorg>(param.reorg_param());
-}
-
-std::unique_ptr<Layer> make_reverse(const caffe::LayerParameter& param) {
-  return std::make_unique<Reverse>(param.reverse_param());
-}
-
-std::unique_ptr<Layer> make_flip(const caffe::LayerParameter& param) {
-  return std::make_unique<Flip>(param.flip_param());
-}
+constinit const LayerEntries kPermuteLayers = {
+    {"Flip", make<Reverse, &Parameters::flip_param>, "caffe-windows", "mirrors images"},
+    {"Permute", make<Permute, &Parameters::permute_param>, "SSD", "reorders axes"},
+    {"Reorg", make<Reorg, &Parameters::reorg_param>, "YOLOv2",
+     "moves pixels of blocks to channels, or back", !kTrained,
+     "as in Darknet and MobileNet-YOLO; the Reorg of Synopsys' fork swaps rows and columns"},
+    {"Reverse", make<Reverse, &Parameters::reverse_param>, "CTPN, Caffe OCR",
+     "reverses the order along axes"},
+    {"ShuffleChannel", make<ShuffleChannel, &Parameters::shuffle_channel_param>, "ShuffleNet",
+     "interleaves groups of channels"},
+    {"Transpose", make<Permute, &Parameters::transpose_param>, "CTPN, Caffe OCR", "reorders axes"},
+};
 
 }  // namespace revisit::engine

@@ -34,12 +34,12 @@ PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(para
 
 PoolingProblem PoolingWindow::problem(const Shape& input) const {
   expect_image(input, "pooling");
-  const Axis h = global(h_, input[2]), w = global(w_, input[3]);
+  const Window h = global(h_, input[2]), w = global(w_, input[3]);
   PoolingProblem p;
   p.planes = input[0] * input[1];
   p.h = input[2], p.w = input[3];
   p.out_h = size(p.h, h), p.out_w = size(p.w, w);
-  p.kernel_h = h.kernel, p.kernel_w = w.kernel;
+  p.kernel_h = h.extent, p.kernel_w = w.extent;
   p.stride_h = h.stride, p.stride_w = w.stride;
   p.pad_h = h.pad, p.pad_w = w.pad;
   return p;
@@ -47,42 +47,42 @@ PoolingProblem PoolingWindow::problem(const Shape& input) const {
 
 std::optional<WindowHw> PoolingWindow::window() const {
   if (param_.global_pooling()) return std::nullopt;
-  return WindowHw{{h_.kernel, h_.stride, h_.pad}, {w_.kernel, w_.stride, w_.pad}};
+  return WindowHw{h_, w_};
 }
 
-PoolingWindow::Axis PoolingWindow::axis(uint32_t kernel, uint32_t stride, bool has_stride,
-                                        uint32_t pad, bool has_pad) const {
-  const Axis result{param_.has_kernel_size() ? param_.kernel_size() : kernel,
-                    has_stride ? stride : param_.stride(), has_pad ? pad : param_.pad()};
+Window PoolingWindow::axis(uint32_t kernel, uint32_t stride, bool has_stride, uint32_t pad,
+                           bool has_pad) const {
+  const Window result{param_.has_kernel_size() ? param_.kernel_size() : kernel,
+                      has_stride ? stride : param_.stride(), has_pad ? pad : param_.pad()};
   if (param_.global_pooling()) {
     if (result.stride != 1 || result.pad != 0)
       throw InputError("global pooling needs stride 1 and no pad");
     return result;
   }
-  expect_int(result.kernel, "the kernel size");
+  expect_int(result.extent, "the kernel size");
   expect_int(result.stride, "the stride");
-  if (result.kernel < 1) throw InputError("the kernel size must be at least 1");
+  if (result.extent < 1) throw InputError("the kernel size must be at least 1");
   if (result.stride < 1) throw InputError("the stride must be at least 1");
-  if (result.pad >= result.kernel)
-    throw InputError("pad ", result.pad, " must be smaller than the kernel ", result.kernel);
+  if (result.pad >= result.extent)
+    throw InputError("pad ", result.pad, " must be smaller than the kernel ", result.extent);
   return result;
 }
 
-PoolingWindow::Axis PoolingWindow::global(const Axis& axis, int64_t input) const {
-  return param_.global_pooling() ? Axis{input, 1, 0} : axis;
+Window PoolingWindow::global(const Window& axis, int64_t input) const {
+  return param_.global_pooling() ? Window{input, 1, 0} : axis;
 }
 
 /// docs/LAYERS.md point 1. Computed in float, like in Caffe.
-int64_t PoolingWindow::size(int64_t input, const Axis& axis) const {
+int64_t PoolingWindow::size(int64_t input, const Window& axis) const {
   const bool floor = param_.has_ceil_mode() ? !param_.ceil_mode()
                                             : param_.round_mode() == caffe::PoolingParameter::FLOOR;
   const float steps =
-      static_cast<float>(input + 2 * axis.pad - axis.kernel) / static_cast<float>(axis.stride);
+      static_cast<float>(input + 2 * axis.pad - axis.extent) / static_cast<float>(axis.stride);
   int64_t out = static_cast<int64_t>(floor ? std::floor(steps) : std::ceil(steps)) + 1;
   // The last window must start inside the image or its leading pad, once any axis is padded.
   if ((h_.pad || w_.pad) && (out - 1) * axis.stride >= input + axis.pad) --out;
   if (out < 1)
-    throw InputError("a kernel of ", axis.kernel, " does not fit into ", input, " + 2 x ", axis.pad,
+    throw InputError("a kernel of ", axis.extent, " does not fit into ", input, " + 2 x ", axis.pad,
                      ": the output would be empty");
   return out;
 }
@@ -217,12 +217,10 @@ class Spp : public OneToOneLayer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_pooling(const caffe::LayerParameter& param) {
-  return std::make_unique<Pooling>(param.pooling_param());
-}
-
-std::unique_ptr<Layer> make_spp(const caffe::LayerParameter& param) {
-  return std::make_unique<Spp>(param.spp_param());
-}
+constinit const LayerEntries kPoolingLayers = {
+    {"Pooling", make<Pooling, &Parameters::pooling_param>, "Caffe",
+     "maximum (with mask), average, global"},
+    {"SPP", make<Spp, &Parameters::spp_param>, "Caffe", "spatial pyramid pooling"},
+};
 
 }  // namespace revisit::engine

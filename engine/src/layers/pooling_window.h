@@ -19,16 +19,12 @@ class PoolingWindow {
   std::optional<WindowHw> window() const;
 
  private:
-  struct Axis {
-    int64_t kernel, stride, pad;
-  };
-
-  Axis axis(uint32_t kernel, uint32_t stride, bool has_stride, uint32_t pad, bool has_pad) const;
-  Axis global(const Axis& axis, int64_t input) const;
-  int64_t size(int64_t input, const Axis& axis) const;
+  Window axis(uint32_t kernel, uint32_t stride, bool has_stride, uint32_t pad, bool has_pad) const;
+  Window global(const Window& axis, int64_t input) const;
+  int64_t size(int64_t input, const Window& axis) const;
 
   caffe::PoolingParameter param_;
-  Axis h_{}, w_{};
+  Window h_, w_;
 };
 
 }  // namespace revisit::engine

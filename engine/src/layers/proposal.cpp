@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/detection.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -16,18 +17,12 @@ struct Region {
   float area() const { return width() * height(); }
 };
 
-/// Candidate region; `index` orders all regions by row, column and anchor.
-struct Scored {
-  float score;
-  int32_t index;
-};
-
-/// Orders by decreasing score, NaN last, equal scores by index.
-bool scores_higher(const Scored& a, const Scored& b) {
+/// Orders by decreasing score, NaN last, equal scores by row, column and anchor.
+bool scores_higher(const Candidate& a, const Candidate& b) {
   const auto key = [](float score) {
     return std::isnan(score) ? -std::numeric_limits<float>::infinity() : score;
   };
-  return key(a.score) != key(b.score) ? key(a.score) > key(b.score) : a.index < b.index;
+  return key(a.score) != key(b.score) ? key(a.score) > key(b.score) : a.box < b.box;
 }
 
 /// Parameters of a Proposal layer (Ren et al. 2015): `anchors` at each pixel of an h x w map.
@@ -41,7 +36,7 @@ struct ProposalProblem {
   bool drops_small = false;     // otherwise small regions get score 0
 
   int64_t regions() const { return h * w * static_cast<int64_t>(anchors.size()); }
-  int64_t scratch_floats() const { return regions() * 6 + max_after; }
+  int64_t scratch_floats() const { return regions() * 6; }
 };
 
 /// Moves an anchor by `t` (4 numbers, `step` apart); the result is not clipped.
@@ -65,11 +60,11 @@ bool has_nan(const Region& r) {
 }
 
 int64_t decode(const ProposalProblem& p, const float* scores, const float* offsets,
-               const float* image, Region* regions, Scored* scored) {
+               const float* image, Region* regions, Candidate* scored) {
   const int64_t area = p.h * p.w, n_anchors = static_cast<int64_t>(p.anchors.size());
   const float min_h = p.min_size * image[2],
               min_w = p.has_two_scales ? p.min_size * image[3] : min_h;
-  Scored* end = scored;
+  Candidate* end = scored;
   int32_t index = 0;
   for (int64_t pixel = 0; pixel < area; ++pixel)
     for (int64_t a = 0; a < n_anchors; ++a, ++index) {
@@ -101,22 +96,19 @@ float overlap(const Region& a, const Region& b) {
 int64_t propose(const ProposalProblem& p, const float* scores, const float* offsets,
                 const float* image, float* rows, float* row_scores, float* scratch) {
   auto* const regions = reinterpret_cast<Region*>(scratch);
-  auto* const scored = reinterpret_cast<Scored*>(scratch + p.regions() * 4);
-  auto* const kept = reinterpret_cast<int32_t*>(scratch + p.regions() * 6);
+  auto* const scored = reinterpret_cast<Candidate*>(scratch + p.regions() * 4);
   const int64_t n_scored = decode(p, scores, offsets, image, regions, scored);
   const int64_t n = std::min(n_scored, p.max_before);
   std::partial_sort(scored, scored + n, scored + n_scored, scores_higher);
-  int64_t n_kept = 0;
-  for (int64_t i = 0; i < n && n_kept < p.max_after; ++i) {
-    const Region& region = regions[scored[i].index];
-    if (std::any_of(kept, kept + n_kept, [&](int32_t better) {
-          return overlap(regions[better], region) > p.overlap_threshold;
-        }))
-      continue;
+  const int64_t n_kept = keep_unsuppressed(
+      scored, n, p.max_after, [&](const Candidate& better, const Candidate& other) {
+        return overlap(regions[better.box], regions[other.box]) > p.overlap_threshold;
+      });
+  for (int64_t i = 0; i < n_kept; ++i) {
+    const Region& region = regions[scored[i].box];
     const float row[] = {0, region.x1, region.y1, region.x2, region.y2};
-    std::copy_n(row, 5, rows + n_kept * 5);
-    if (row_scores) row_scores[n_kept] = scored[i].score;
-    kept[n_kept++] = scored[i].index;
+    std::copy_n(row, 5, rows + i * 5);
+    if (row_scores) row_scores[i] = scored[i].score;
   }
   return n_kept;
 }
@@ -142,8 +134,7 @@ class Proposal : public Layer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     expect_count(inputs.size(), 3, "inputs (scores, offsets, the image's size and scale)");
-    if (n_outputs < 1 || n_outputs > 2)
-      throw InputError("expected 1 or 2 outputs (regions, their scores), found ", n_outputs);
+    expect_1_or_2(n_outputs, "outputs (regions, their scores)");
     const Shape &scores = inputs[0], &offsets = inputs[1], &image = inputs[2];
     const int64_t anchors = int64_t{param_.ratio_size()} * param_.scale_size();
     if (scores.rank() != 4 || scores[0] != 1 || scores[1] != 2 * anchors)
@@ -204,8 +195,8 @@ class Proposal : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_proposal(const caffe::LayerParameter& param) {
-  return std::make_unique<Proposal>(param);
-}
+constinit const LayerEntries kProposalLayers = {
+    {"Proposal", make<Proposal>, "Faster R-CNN", "regions from scores and offsets of anchors"},
+};
 
 }  // namespace revisit::engine

@@ -224,16 +224,13 @@ class RowsLstm : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_lstm(const caffe::LayerParameter& param) {
-  return std::make_unique<Recurrent>(param.recurrent_param(), Cell::kLstm);
-}
-
-std::unique_ptr<Layer> make_rows_lstm(const caffe::LayerParameter& param) {
-  return std::make_unique<RowsLstm>(param.lstm_param());
-}
-
-std::unique_ptr<Layer> make_rnn(const caffe::LayerParameter& param) {
-  return std::make_unique<Recurrent>(param.recurrent_param(), Cell::kRnn);
-}
+constinit const LayerEntries kRecurrentLayers = {
+    {"LSTM", make<Recurrent, &Parameters::recurrent_param, Cell::kLstm>, "Caffe",
+     "long short-term memory", kTrained},
+    {"Lstm", make<RowsLstm, &Parameters::lstm_param>, "CTPN, caffe-lstm",
+     "long short-term memory, weights in different order", kTrained},
+    {"RNN", make<Recurrent, &Parameters::recurrent_param, Cell::kRnn>, "Caffe",
+     "simple recurrent network", kTrained},
+};
 
 }  // namespace revisit::engine

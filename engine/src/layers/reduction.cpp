@@ -3,6 +3,7 @@
 #include <new>
 #include <numeric>
 
+#include "kernels/nchw.h"
 #include "layers/layers.h"
 #include "revisit/engine/parallel_for.h"
 
@@ -68,11 +69,11 @@ class ArgMax : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     if (input.rank() < 1) throw InputError("ArgMax needs an input of at least one axis");
-    const int64_t top_k = param_.top_k(), candidates = lines(input).candidates;
+    const int64_t top_k = param_.top_k(), candidates = lines(input).size;
     if (top_k > candidates)
       throw InputError("top_k ", top_k, " is more than the ", candidates,
                        " values to choose from in an input of shape ", input);
-    if (param_.has_axis()) return input.with(axis(input), top_k);
+    if (const auto axis = only_axis(input)) return input.with(*axis, top_k);
     // n x (indices, values) x k, and 1 for further axes.
     std::vector<int64_t> axes(std::max<size_t>(input.rank(), 3), 1);
     axes[0] = input[0];
@@ -81,12 +82,13 @@ class ArgMax : public OneToOneLayer {
     return Shape(std::move(axes));
   }
 
-  std::optional<WindowHw> window(const Shape& input) const override {
-    return param_.has_axis() ? window_across(axis(input), input) : std::nullopt;
+  std::optional<size_t> only_axis(const Shape& input) const override {
+    if (!param_.has_axis()) return std::nullopt;
+    return input.canonical_axis(param_.axis(), "argmax axis");
   }
 
   Kernel bind(const Binding& binding) const override {
-    const Lines l = lines(binding.inputs[0]);
+    const AxisRuns l = lines(binding.inputs[0]);
     const int64_t top_k = param_.top_k();
     const bool values = param_.out_max_val(), indices = !values || !param_.has_axis();
     return {"partial-sort",
@@ -94,7 +96,7 @@ class ArgMax : public OneToOneLayer {
               float* out = call.outputs[0];
               for (int64_t o = 0; o < l.outer; ++o)
                 for (int64_t i = 0; i < l.inner; ++i) {
-                  const float* line = call.inputs[0] + o * l.candidates * l.inner + i;
+                  const float* line = call.inputs[0] + o * l.size * l.inner + i;
                   const int32_t* best = sort(line, l, top_k, call.scratch);
                   float* place = out + o * top_k * l.inner * (values && indices ? 2 : 1) + i;
                   if (indices)
@@ -105,30 +107,21 @@ class ArgMax : public OneToOneLayer {
                       *place = line[best[k] * l.inner];
                 }
             },
-            floats(l.candidates)};
+            floats(l.size)};
   }
 
  private:
-  struct Lines {
-    int64_t outer, candidates, inner;
-  };
-
-  size_t axis(const Shape& input) const {
-    return input.canonical_axis(param_.axis(), "argmax axis");
-  }
-
-  Lines lines(const Shape& input) const {
-    if (!param_.has_axis()) return {input[0], input.product(1, input.rank()), 1};
-    const size_t a = axis(input);
-    return {input.product(0, a), input[a], input.product(a + 1, input.rank())};
+  AxisRuns lines(const Shape& input) const {
+    if (const auto axis = only_axis(input)) return runs_along(input, *axis);
+    return {input[0], input.product(1, input.rank()), 1};
   }
 
   /// Orders like Caffe's algorithm, even with NaN; later indices come first among equal values.
-  static const int32_t* sort(const float* line, const Lines& l, int64_t top_k, float* scratch) {
+  static const int32_t* sort(const float* line, const AxisRuns& l, int64_t top_k, float* scratch) {
     static_assert(sizeof(int32_t) == sizeof(float));
-    auto* order = new (scratch) int32_t[static_cast<size_t>(l.candidates)];
-    std::iota(order, order + l.candidates, 0);
-    std::partial_sort(order, order + top_k, order + l.candidates, [&](int32_t a, int32_t b) {
+    auto* order = new (scratch) int32_t[static_cast<size_t>(l.size)];
+    std::iota(order, order + l.size, 0);
+    std::partial_sort(order, order + top_k, order + l.size, [&](int32_t a, int32_t b) {
       const float x = line[a * l.inner], y = line[b * l.inner];
       return y < x || (!(x < y) && b < a);
     });
@@ -140,12 +133,11 @@ class ArgMax : public OneToOneLayer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_reduction(const caffe::LayerParameter& param) {
-  return std::make_unique<Reduction>(param.reduction_param());
-}
-
-std::unique_ptr<Layer> make_argmax(const caffe::LayerParameter& param) {
-  return std::make_unique<ArgMax>(param.argmax_param());
-}
+constinit const LayerEntries kReductionLayers = {
+    {"ArgMax", make<ArgMax, &Parameters::argmax_param>, "Caffe",
+     "index and value of the largest entries"},
+    {"Reduction", make<Reduction, &Parameters::reduction_param>, "Caffe",
+     "sum, absolute sum, sum of squares, mean"},
+};
 
 }  // namespace revisit::engine

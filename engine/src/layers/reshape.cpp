@@ -3,15 +3,17 @@
 namespace revisit::engine {
 namespace {
 
-class ViewLayer : public OneToOneLayer {
+template <class Base>
+class ViewLayer : public Base {
  public:
   OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
   bool allows_in_place() const override { return false; }
   Kernel bind(const Binding&) const override { return {}; }
 };
+using ReshapingLayer = ViewLayer<OneToOneLayer>;
 
 /// Merges the axes [axis, end_axis]; if end_axis is directly before axis, adds an axis of size 1.
-class Flatten : public ViewLayer {
+class Flatten : public ReshapingLayer {
  public:
   explicit Flatten(const caffe::FlattenParameter& param) : param_(param) {}
 
@@ -32,7 +34,7 @@ class Flatten : public ViewLayer {
 };
 
 /// Replaces axes [axis, axis + num_axes) by `shape`; 0 copies the input's axis, -1 is inferred.
-class Reshape : public ViewLayer {
+class Reshape : public ReshapingLayer {
  public:
   explicit Reshape(const caffe::ReshapeParameter& param) : param_(param) {
     int inferred = 0;
@@ -81,7 +83,7 @@ class Reshape : public ViewLayer {
   caffe::ReshapeParameter param_;
 };
 
-class Identity : public Layer {
+class Identity : public ViewLayer<Layer> {
  public:
   explicit Identity(const caffe::LayerParameter& param) : is_split_(param.type() == "Split") {
     if (!is_split_ && is_for_training(param))
@@ -90,60 +92,49 @@ class Identity : public Layer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     expect_count(inputs.size(), 1, "inputs");
-    if (n_outputs < 1) throw InputError("expected at least one output");
+    expect_any(n_outputs, "output");
     return std::vector<Shape>(n_outputs, inputs[0]);
   }
-  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
   std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
   bool allows_in_place() const override { return !is_split_; }
-  Kernel bind(const Binding&) const override { return {}; }
 
  private:
   bool is_split_;
 };
 
-class ReshapedLike : public Layer {
+class ReshapedLike : public ViewLayer<Layer> {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t) const override {
     return {inputs.at(1)};
   }
-  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
   std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
-  Kernel bind(const Binding&) const override { return {}; }
 };
 
 /// Uses its inputs, so that they are not outputs of the net.
-class Silence : public Layer {
+class Silence : public ViewLayer<Layer> {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    if (inputs.empty()) throw InputError("expected at least one input");
+    expect_any(inputs.size(), "input");
     expect_count(n_outputs, 0, "outputs");
     return {};
   }
-  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
-  Kernel bind(const Binding&) const override { return {}; }
 };
 
 }  // namespace
-
-std::unique_ptr<Layer> make_flatten(const caffe::LayerParameter& param) {
-  return std::make_unique<Flatten>(param.flatten_param());
-}
-
-std::unique_ptr<Layer> make_reshape(const caffe::LayerParameter& param) {
-  return std::make_unique<Reshape>(param.reshape_param());
-}
 
 std::unique_ptr<Layer> make_identity(const caffe::LayerParameter& param) {
   return std::make_unique<Identity>(param);
 }
 
-std::unique_ptr<Layer> make_reshaped_like(const caffe::LayerParameter&) {
+std::unique_ptr<Layer> make_reshaped_like() {
   return std::make_unique<ReshapedLike>();
 }
 
-std::unique_ptr<Layer> make_silence(const caffe::LayerParameter&) {
-  return std::make_unique<Silence>();
-}
+constinit const LayerEntries kReshapeLayers = {
+    {"Flatten", make<Flatten, &Parameters::flatten_param>, "Caffe", "merges axes"},
+    {"Reshape", make<Reshape, &Parameters::reshape_param>, "Caffe", "changes the shape"},
+    {"Silence", make<Silence>, "Caffe", "discards its inputs"},
+    {"Split", make_identity, "Caffe", "copies of the input"},
+};
 
 }  // namespace revisit::engine

@@ -219,12 +219,10 @@ class Upsample : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_interp(const caffe::LayerParameter& param) {
-  return std::make_unique<Interp>(param.interp_param());
-}
-
-std::unique_ptr<Layer> make_upsample(const caffe::LayerParameter& param) {
-  return std::make_unique<Upsample>(param.upsample_param());
-}
+constinit const LayerEntries kResizeLayers = {
+    {"Interp", make<Interp, &Parameters::interp_param>, "DeepLab, PSPNet", "bilinear resampling"},
+    {"Upsample", make<Upsample, &Parameters::upsample_param>, "SegNet and others",
+     "unpooling by mask, or nearest neighbor"},
+};
 
 }  // namespace revisit::engine

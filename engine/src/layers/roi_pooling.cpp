@@ -273,16 +273,15 @@ class PsRoiPooling : public RegionLayer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_psroi_pooling(const caffe::LayerParameter& param) {
-  return std::make_unique<PsRoiPooling>(param.psroi_pooling_param());
-}
-
-std::unique_ptr<Layer> make_roi_align(const caffe::LayerParameter& param) {
-  return std::make_unique<RoiPooling>(param.roi_pooling_param(), true);
-}
-
-std::unique_ptr<Layer> make_roi_pooling(const caffe::LayerParameter& param) {
-  return std::make_unique<RoiPooling>(param.roi_pooling_param(), false);
-}
+constinit const LayerEntries kRoiPoolingLayers = {
+    {"PSROIPooling", make<PsRoiPooling, &Parameters::psroi_pooling_param>, "R-FCN",
+     "position-sensitive average of each bin of regions"},
+    {"ROIAlign", make<RoiPooling, &Parameters::roi_pooling_param, true>, "Cascade R-CNN",
+     "bilinear values at corners of bins of regions", !kTrained,
+     "as in MS-CNN and Cascade R-CNN; the ROIAlign of makefile/frcnn has the same fields, "
+     "but computes differently"},
+    {"ROIPooling", make<RoiPooling, &Parameters::roi_pooling_param, false>, "Fast R-CNN",
+     "maximum over regions of interest"},
+};
 
 }  // namespace revisit::engine

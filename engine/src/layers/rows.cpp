@@ -7,6 +7,25 @@
 namespace revisit::engine {
 namespace {
 
+/// Sets each of `count` rows of `out` to the row of `table` with its index, or to NaN for an index
+/// out of range, and adds `bias`, if not null. `truncates`: indices are truncated toward zero, so
+/// -0.5 becomes 0.
+void take_rows(const float* indices, int64_t count, const float* table, int64_t n_rows,
+               int64_t size, const float* bias, bool truncates, int threads, float* out) {
+  const int64_t grain = std::max<int64_t>(kParallelGrain / size, 1);
+  parallel_ranges(count, grain, threads, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      const float index = indices[i];
+      float* const row = out + i * size;
+      if ((truncates ? index > -1 : index >= 0) && index < static_cast<float>(n_rows))
+        std::copy_n(table + static_cast<int64_t>(index) * size, size, row);
+      else
+        std::fill_n(row, size, std::numeric_limits<float>::quiet_NaN());
+      for (int64_t k = 0; bias && k < size; ++k) row[k] += bias[k];
+    }
+  });
+}
+
 /// Sets the row to NaN for an index out of range, where Caffe reads past the table.
 class Embed : public OneToOneLayer {
  public:
@@ -33,21 +52,8 @@ class Embed : public OneToOneLayer {
     return {"lookup", [indices = binding.inputs[0].elements(), rows = int64_t{param_.input_dim()},
                        size = int64_t{param_.num_output()}, table, bias,
                        threads = binding.threads](const Call& call) {
-              const int64_t grain = std::max<int64_t>(kParallelGrain / size, 1);
-              parallel_ranges(indices, grain, threads, [&](int64_t begin, int64_t end) {
-                for (int64_t i = begin; i < end; ++i) {
-                  const float index = call.inputs[0][i];
-                  float* out = call.outputs[0] + i * size;
-                  // Indices are truncated toward zero, so -0.5 becomes 0.
-                  if (!(index > -1 && index < static_cast<float>(rows))) {
-                    std::fill_n(out, size, std::numeric_limits<float>::quiet_NaN());
-                    continue;
-                  }
-                  std::copy_n(table + static_cast<int64_t>(index) * size, size, out);
-                  if (bias)
-                    for (int64_t k = 0; k < size; ++k) out[k] += bias[k];
-                }
-              });
+              take_rows(call.inputs[0], indices, table, rows, size, bias, true, threads,
+                        call.outputs[0]);
             }};
   }
 
@@ -71,17 +77,8 @@ class BatchReindex : public Layer {
     const Shape &input = binding.inputs[0], &output = binding.outputs[0];
     return {"copy", [images = input[0], chosen = output[0], size = input.product(1, input.rank()),
                      threads = binding.threads](const Call& call) {
-              const int64_t grain = std::max<int64_t>(kParallelGrain / size, 1);
-              parallel_ranges(chosen, grain, threads, [&](int64_t begin, int64_t end) {
-                for (int64_t i = begin; i < end; ++i) {
-                  const float index = call.inputs[1][i];
-                  float* out = call.outputs[0] + i * size;
-                  if (index >= 0 && index < static_cast<float>(images))
-                    std::copy_n(call.inputs[0] + static_cast<int64_t>(index) * size, size, out);
-                  else
-                    std::fill_n(out, size, std::numeric_limits<float>::quiet_NaN());
-                }
-              });
+              take_rows(call.inputs[1], chosen, call.inputs[0], images, size, nullptr, false,
+                        threads, call.outputs[0]);
             }};
   }
 };
@@ -125,16 +122,10 @@ class Filter : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_embed(const caffe::LayerParameter& param) {
-  return std::make_unique<Embed>(param.embed_param());
-}
-
-std::unique_ptr<Layer> make_batch_reindex(const caffe::LayerParameter&) {
-  return std::make_unique<BatchReindex>();
-}
-
-std::unique_ptr<Layer> make_filter(const caffe::LayerParameter&) {
-  return std::make_unique<Filter>();
-}
+constinit const LayerEntries kRowsLayers = {
+    {"BatchReindex", make<BatchReindex>, "Caffe", "selects and repeats batch items"},
+    {"Embed", make<Embed, &Parameters::embed_param>, "Caffe", "rows of a table by index", kTrained},
+    {"Filter", make<Filter>, "Caffe", "batch items selected by another blob"},
+};
 
 }  // namespace revisit::engine

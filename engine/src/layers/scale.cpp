@@ -2,7 +2,6 @@
 #include <cmath>
 
 #include "kernels/channels.h"
-#include "layers/broadcast.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -19,7 +18,7 @@ Shape trained_operand(const Shape& input, int64_t axis, int64_t num_axes) {
                                     input.axes().begin() + last));
 }
 
-ChannelRuns lay_over(const Shape& operand, const Shape& input, int64_t axis) {
+AxisRuns lay_over(const Shape& operand, const Shape& input, int64_t axis) {
   const size_t first = operand.rank() == 0 ? 0 : input.canonical_axis(axis, "axis");
   const size_t last = first + operand.rank();
   bool fits = last <= input.rank();
@@ -30,13 +29,13 @@ ChannelRuns lay_over(const Shape& operand, const Shape& input, int64_t axis) {
   return {input.product(0, first), operand.elements(), input.product(last, input.rank())};
 }
 
-Form channel_affine(const ChannelRuns& runs, const Shape& input, const std::vector<float>* scale,
+Form channel_affine(const AxisRuns& runs, const Shape& input, const std::vector<float>* scale,
                     const std::vector<float>* shift) {
   if (input.rank() < 2) return {};
   const int64_t channels = input[1];
-  const bool one_for_all = runs.channels == 1;
+  const bool one_for_all = runs.size == 1;
   if (!one_for_all &&
-      (runs.outer != input[0] || runs.channels != channels || runs.elements() != input.elements()))
+      (runs.outer != input[0] || runs.size != channels || runs.elements() != input.elements()))
     return {};
   // Without loaded weights any values will do.
   const auto spread = [&](const std::vector<float>* values, double absent) {
@@ -66,8 +65,7 @@ class Affine : public Layer {
       : scales_(false), has_bias_(true), axis_(param.axis()), axes_(param.num_axes()) {}
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    if (inputs.empty() || inputs.size() > 2)
-      throw InputError("expected 1 or 2 inputs, found ", inputs.size());
+    expect_1_or_2(inputs.size(), "inputs");
     expect_count(n_outputs, 1, "outputs");
     runs(inputs);
     weight_shapes(inputs);
@@ -117,8 +115,8 @@ class Affine : public Layer {
   Form gating(const std::vector<Shape>& inputs) const {
     const Shape& x = inputs[0];
     if (!scales_ || has_bias_ || x.rank() < 2) return {};
-    const ChannelRuns factors = runs(inputs);
-    if (factors.outer != 1 || factors.channels != x[0] * x[1]) return {};
+    const AxisRuns factors = runs(inputs);
+    if (factors.outer != 1 || factors.size != x[0] * x[1]) return {};
     return Gating{.x = 0, .factors = 1};
   }
 
@@ -126,7 +124,7 @@ class Affine : public Layer {
   Shape operand(const std::vector<Shape>& inputs) const {
     return inputs.size() == 1 ? trained_operand(inputs[0], axis_, axes_) : inputs[1];
   }
-  ChannelRuns runs(const std::vector<Shape>& inputs) const {
+  AxisRuns runs(const std::vector<Shape>& inputs) const {
     return lay_over(operand(inputs), inputs[0], axis_);
   }
 
@@ -155,7 +153,7 @@ class Axpy : public Layer {
 
   Kernel bind(const Binding& binding) const override {
     const Shape& x = binding.inputs[1];
-    const ChannelRuns runs{1, x[0] * x[1], x.product(2, x.rank())};
+    const AxisRuns runs{1, x[0] * x[1], x.product(2, x.rank())};
     return {"axpy", [runs, threads = binding.threads](const Call& call) {
               const float *x_data = call.inputs[1], *y_data = call.inputs[2];
               float* out = call.outputs[0];
@@ -172,16 +170,12 @@ class Axpy : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_scale(const caffe::LayerParameter& param) {
-  return std::make_unique<Affine>(param.scale_param());
-}
-
-std::unique_ptr<Layer> make_bias(const caffe::LayerParameter& param) {
-  return std::make_unique<Affine>(param.bias_param());
-}
-
-std::unique_ptr<Layer> make_axpy(const caffe::LayerParameter&) {
-  return std::make_unique<Axpy>();
-}
+constinit const LayerEntries kScaleLayers = {
+    {"Axpy", make<Axpy>, "SENet", "a x + y, a per channel"},
+    {"Bias", make<Affine, &Parameters::bias_param>, "Caffe", "adds a trained or given blob",
+     kTrained},
+    {"Scale", make<Affine, &Parameters::scale_param>, "Caffe",
+     "multiplies by a trained or given blob", kTrained},
+};
 
 }  // namespace revisit::engine

@@ -271,16 +271,12 @@ class DetectionOutput : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_prior_box(const caffe::LayerParameter& param) {
-  return std::make_unique<PriorBox>(param.prior_box_param(), false);
-}
-
-std::unique_ptr<Layer> make_prior_box_clustered(const caffe::LayerParameter& param) {
-  return std::make_unique<PriorBox>(param.prior_box_param(), true);
-}
-
-std::unique_ptr<Layer> make_detection_output(const caffe::LayerParameter& param) {
-  return std::make_unique<DetectionOutput>(param.detection_output_param());
-}
+constinit const LayerEntries kSsdLayers = {
+    {"DetectionOutput", make<DetectionOutput, &Parameters::detection_output_param>, "SSD",
+     "boxes after decoding and suppression"},
+    {"PriorBox", make<PriorBox, &Parameters::prior_box_param, false>, "SSD", "default boxes"},
+    {"PriorBoxClustered", make<PriorBox, &Parameters::prior_box_param, true>, "OpenVINO",
+     "default boxes of given sizes"},
+};
 
 }  // namespace revisit::engine

@@ -148,7 +148,7 @@ int64_t detect_yolo(const YoloProblem& p, const std::vector<const float*>& input
     return boxes[candidate.box / p.classes];
   };
   const int64_t kept =
-      keep_unsuppressed(candidates, found, [&](const Candidate& a, const Candidate& b) {
+      keep_unsuppressed(candidates, found, found, [&](const Candidate& a, const Candidate& b) {
         return yolo_overlap(box_of(a), box_of(b)) >= p.overlap_threshold;
       });
   for (int64_t i = 0; i < kept; ++i) {
@@ -174,6 +174,35 @@ int64_t detect_yolo(const YoloProblem& p, const std::vector<const float*>& input
 /// detections `[1][1][rows][7]` from feature maps.
 class YoloDetectionOutput : public Layer {
  public:
+  /// YOLO v2: anchors in cells, equal for both maps.
+  explicit YoloDetectionOutput(const caffe::YoloDetectionOutputParameter& param)
+      : YoloDetectionOutput(param, false) {
+    if (param.coords() != 4) throw InputError("coords must be 4, found ", param.coords());
+    anchor(n_anchors_ - 1);
+  }
+
+  /// YOLO v3: each map has its own anchors, in pixels, and its own number of pixels per cell.
+  explicit YoloDetectionOutput(const caffe::Yolov3DetectionOutputParameter& param)
+      : YoloDetectionOutput(param, true) {
+    if (param.gaussian_box())
+      throw UnsupportedError(
+          "gaussian_box is not supported: the original's results on a CPU depend on uninitialized "
+          "memory");
+    mask_.assign(param.mask().begin(), param.mask().end());
+    anchors_scale_.assign(param.anchors_scale().begin(), param.anchors_scale().end());
+    const int64_t n_maps = param.mask_group_num();
+    if (n_maps < 1) throw InputError("mask_group_num must be at least 1");
+    if (std::ssize(mask_) != n_maps * n_anchors_)
+      throw InputError("expected a mask for each of ", n_maps, " mask groups x ", n_anchors_,
+                       " boxes, found ", mask_.size());
+    if (std::ssize(anchors_scale_) != n_maps)
+      throw InputError("expected an anchors_scale for each of ", n_maps, " mask groups, found ",
+                       anchors_scale_.size());
+    for (const int64_t mask : mask_) anchor(mask);
+    for (const int64_t scale : anchors_scale_)
+      if (scale < 1) throw InputError("anchors_scale must be at least 1");
+  }
+
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     expect_count(n_outputs, 1, "outputs");
     return {Shape{1, 1, problem(inputs).most_rows(), 7}};
@@ -190,31 +219,31 @@ class YoloDetectionOutput : public Layer {
             floats(p.scratch_floats())};
   }
 
- protected:
+ private:
   template <typename Param>
-  explicit YoloDetectionOutput(const Param& param)
+  YoloDetectionOutput(const Param& param, bool is_v3)
       : biases_(param.biases().begin(), param.biases().end()), n_anchors_(param.num_box()) {
     if (!param.has_num_classes() || param.num_classes() < 1)
       throw InputError("num_classes must be given and at least 1");
     if (n_anchors_ < 1) throw InputError("num_box must be at least 1");
     expect_int(n_anchors_, "num_box");
     expect_int(param.num_classes(), "num_classes");
+    settings_.each_class = is_v3;
     settings_.classes = param.num_classes();
     settings_.confidence_threshold = param.confidence_threshold();
     settings_.overlap_threshold = param.nms_threshold();
   }
 
-  int64_t n_anchors() const { return n_anchors_; }
-
   YoloAnchor anchor(int64_t index) const {
-    const auto found = static_cast<int64_t>(biases_.size());
+    const int64_t found = std::ssize(biases_);
     if (2 * index + 1 >= found)
       throw InputError("expected at least ", 2 * index + 2, " biases, two for each of ", index + 1,
                        " anchors, found ", found);
     return {biases_[static_cast<size_t>(2 * index)], biases_[static_cast<size_t>(2 * index + 1)]};
   }
 
-  YoloMap map_of(const Shape& input) const {
+  YoloMap map_of(const Shape& input, size_t i) const {
+    const bool is_v3 = settings_.each_class;
     expect_image(input, "YOLO");
     if (input[0] != 1)
       throw InputError("expected a batch of 1 image, found ", input[0],
@@ -224,105 +253,42 @@ class YoloDetectionOutput : public Layer {
       throw InputError("expected ", channels,
                        " channels, 5 + num_classes = ", 5 + settings_.classes, " for each of ",
                        n_anchors_, " boxes, found ", input);
-    return {input[2], input[3]};
+    YoloMap map{input[2], input[3]};
+    if (!is_v3 && map.h != map.w)
+      throw InputError("expected a square map, because the original assumes one, found ", input);
+    const int64_t scale = is_v3 ? anchors_scale_[i] : 1;
+    expect_int(std::max(map.h, map.w) * scale, "anchors_scale times the size of the map");
+    map.image_h = static_cast<float>(map.h * scale),
+    map.image_w = static_cast<float>(map.w * scale);
+    for (int64_t k = 0; k < n_anchors_; ++k)
+      map.anchors.push_back(anchor(is_v3 ? mask_[i * static_cast<size_t>(n_anchors_) + k] : k));
+    return map;
   }
 
-  virtual std::vector<YoloMap> maps_of(const std::vector<Shape>& inputs) const = 0;
-
-  YoloProblem settings_;  // without maps
-
- private:
   YoloProblem problem(const std::vector<Shape>& inputs) const {
+    if (settings_.each_class)
+      expect_count(inputs.size(), anchors_scale_.size(), "inputs (mask_group_num)");
+    else
+      expect_1_or_2(inputs.size(), "inputs");
     YoloProblem p = settings_;
-    p.maps = maps_of(inputs);
+    for (size_t i = 0; i < inputs.size(); ++i) p.maps.push_back(map_of(inputs[i], i));
     expect_int(p.n_boxes() * p.classes, "boxes times classes");
     return p;
   }
 
+  YoloProblem settings_;  // without maps
   std::vector<float> biases_;
   int64_t n_anchors_;
-};
-
-/// YOLO v2: anchors in cells, equal for both maps.
-class YoloV2DetectionOutput : public YoloDetectionOutput {
- public:
-  explicit YoloV2DetectionOutput(const caffe::YoloDetectionOutputParameter& param)
-      : YoloDetectionOutput(param) {
-    if (param.coords() != 4) throw InputError("coords must be 4, found ", param.coords());
-    anchor(n_anchors() - 1);
-  }
-
- private:
-  std::vector<YoloMap> maps_of(const std::vector<Shape>& inputs) const override {
-    if (inputs.empty() || inputs.size() > 2)
-      throw InputError("expected 1 or 2 inputs, found ", inputs.size());
-    std::vector<YoloMap> maps;
-    for (const Shape& input : inputs) {
-      YoloMap map = map_of(input);
-      if (map.h != map.w)
-        throw InputError("expected a square map, because the original assumes one, found ", input);
-      map.image_h = map.image_w = static_cast<float>(map.w);
-      for (int64_t i = 0; i < n_anchors(); ++i) map.anchors.push_back(anchor(i));
-      maps.push_back(map);
-    }
-    return maps;
-  }
-};
-
-/// YOLO v3: each map has its own anchors, in pixels, and its own number of pixels per cell.
-class YoloV3DetectionOutput : public YoloDetectionOutput {
- public:
-  explicit YoloV3DetectionOutput(const caffe::Yolov3DetectionOutputParameter& param)
-      : YoloDetectionOutput(param),
-        mask_(param.mask().begin(), param.mask().end()),
-        anchors_scale_(param.anchors_scale().begin(), param.anchors_scale().end()),
-        n_maps_(param.mask_group_num()) {
-    if (param.gaussian_box())
-      throw UnsupportedError(
-          "gaussian_box is not supported: the original's results on a CPU depend on uninitialized "
-          "memory");
-    settings_.each_class = true;
-    if (n_maps_ < 1) throw InputError("mask_group_num must be at least 1");
-    const auto n_masks = static_cast<int64_t>(mask_.size());
-    if (n_masks != n_maps_ * n_anchors())
-      throw InputError("expected a mask for each of ", n_maps_, " mask groups x ", n_anchors(),
-                       " boxes, found ", n_masks);
-    if (static_cast<int64_t>(anchors_scale_.size()) != n_maps_)
-      throw InputError("expected an anchors_scale for each of ", n_maps_, " mask groups, found ",
-                       anchors_scale_.size());
-    for (const int64_t mask : mask_) anchor(mask);
-    for (const int64_t scale : anchors_scale_)
-      if (scale < 1) throw InputError("anchors_scale must be at least 1");
-  }
-
- private:
-  std::vector<YoloMap> maps_of(const std::vector<Shape>& inputs) const override {
-    expect_count(inputs.size(), static_cast<size_t>(n_maps_), "inputs (mask_group_num)");
-    std::vector<YoloMap> maps;
-    for (size_t i = 0; i < inputs.size(); ++i) {
-      YoloMap map = map_of(inputs[i]);
-      const int64_t image_h = map.h * anchors_scale_[i], image_w = map.w * anchors_scale_[i];
-      expect_int(std::max(image_h, image_w), "anchors_scale times the size of the map");
-      map.image_h = static_cast<float>(image_h), map.image_w = static_cast<float>(image_w);
-      const auto n = static_cast<size_t>(n_anchors());
-      for (size_t k = 0; k < n; ++k) map.anchors.push_back(anchor(mask_[i * n + k]));
-      maps.push_back(map);
-    }
-    return maps;
-  }
-
-  std::vector<int64_t> mask_, anchors_scale_;
-  int64_t n_maps_;
+  std::vector<int64_t> mask_, anchors_scale_;  // YOLO v3
 };
 
 }  // namespace
 
-std::unique_ptr<Layer> make_yolo_detection_output(const caffe::LayerParameter& param) {
-  return std::make_unique<YoloV2DetectionOutput>(param.yolo_detection_output_param());
-}
-
-std::unique_ptr<Layer> make_yolov3_detection_output(const caffe::LayerParameter& param) {
-  return std::make_unique<YoloV3DetectionOutput>(param.yolov3_detection_output_param());
-}
+constinit const LayerEntries kYoloDetectionOutputLayers = {
+    {"YoloDetectionOutput", make<YoloDetectionOutput, &Parameters::yolo_detection_output_param>,
+     "MobileNet-YOLO", "boxes of YOLO v2 after suppression"},
+    {"Yolov3DetectionOutput", make<YoloDetectionOutput, &Parameters::yolov3_detection_output_param>,
+     "MobileNet-YOLO", "boxes of YOLO v3 after suppression"},
+};
 
 }  // namespace revisit::engine

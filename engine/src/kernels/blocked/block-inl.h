@@ -12,7 +12,6 @@
 
 #include <cstdint>
 
-#include "bfloat16.h"
 #include "layout.h"
 #include "revisit/engine/tensor.h"
 

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/partition.h"
 #include "revisit/engine/machine.h"

@@ -2,9 +2,9 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/depthwise.cpp"
 #include <hwy/foreach_target.h>
 
-#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/kernels.h"
+#include "kernels/blocked/partition.h"
 #include "kernels/window.h"
 #include "revisit/engine/parallel_for.h"
 

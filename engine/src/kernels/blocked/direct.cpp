@@ -2,7 +2,6 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/direct.cpp"
 #include <hwy/foreach_target.h>
 
-#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/multiply-inl.h"
@@ -18,53 +17,58 @@ template <class T>
 class Direct {
  public:
   Direct(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
-      : p_(p), a_(a), shape_(p, kInTiles<T> ? kTileCut : kRegisterCut) {}
+      : p_(p),
+        a_(a),
+        shape_(p, kInTiles<T> ? kTileCut : kRegisterCut),
+        reads_input_(!kInTiles<T> && is_pointwise(p)) {}
 
-  void run_pointwise() const {
-    const int64_t chunks = shape_.chunks.columns.parts;
-    if (shape_.chunks.per_thread) {
-      parallel_for(shape_.images * chunks, p_.threads, [&](int64_t item, int) {
-        const int64_t chunk = item % chunks, image = item / chunks;
-        const Pieces pieces = pieces_of(chunk, 1);
-        for (int64_t i = 0; i < pieces.count(); ++i) multiply_pixels(image, chunk, pieces[i]);
-      });
-      return;
-    }
-    for (int64_t image = 0; image < shape_.images; ++image)
-      for (int64_t chunk = 0; chunk < chunks; ++chunk) {
-        const Pieces pieces = pieces_of(chunk, p_.threads);
-        parallel_for(pieces.count(), p_.threads,
-                     [&](int64_t i, int) { multiply_pixels(image, chunk, pieces[i]); });
-      }
+  void run() const { run_in_chunks(shape_.chunks, shape_.images, p_.threads, *this); }
+
+  int64_t items(int64_t chunk) const {
+    return reads_input_ ? 0 : panels_of_chunk(chunk).parts * shape_.in_blocks;
   }
 
-  void run() const {
-    const int64_t chunks = shape_.chunks.columns.parts;
-    if (shape_.chunks.per_thread) {
-      parallel_for(shape_.images * chunks, p_.threads, [&](int64_t item, int thread) {
-        const int64_t chunk = item % chunks, image = item / chunks;
-        T* const columns = scratch() + thread * shape_.columns_numbers();
-        for (int64_t i = 0; i < unfold_items(chunk); ++i) unfold(image, chunk, i, columns);
-        const Pieces pieces = pieces_of(chunk, 1);
-        for (int64_t i = 0; i < pieces.count(); ++i)
-          multiply_unfolded(image, chunk, pieces[i], columns);
+  Pieces pieces_of(int64_t chunk, int sharing) const {
+    return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
+  }
+
+  /// Writes [panel][block][tap][pixel][kLanes].
+  void prepare(int64_t image, int64_t chunk, int64_t item, int64_t columns) const {
+    const Split panels = panels_of_chunk(chunk);
+    const int64_t panel = item / shape_.in_blocks, block = item % shape_.in_blocks;
+    const T* in = input() + (image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
+    const int64_t width = panels.width(panel), step = columns_step(width);
+    const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
+    T* const to = columns_at(columns) + panels.begin(panel) * shape_.packed_depth * kLanes;
+    const auto at = [&](int64_t depth) {
+      return to + depth / kBlocks * step + depth % kBlocks * kLanes;
+    };
+    int64_t depth = block * shape_.taps;
+    for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
+      for (int64_t kx = 0; kx < p_.kernel_w; ++kx, ++depth)
+        unfold_tap(in, ky, kx, first, width, at(depth));
+    if (depth == shape_.depth() && depth % kBlocks != 0) fill_pixels(at(depth), width);
+  }
+
+  void multiply(int64_t image, int64_t chunk, const Piece& piece, int64_t columns, int) const {
+    const int64_t step = p_.h * p_.w * kLanes;
+    if (reads_input_)
+      multiply_piece(image, chunk, piece, [&](int64_t first, int64_t) {
+        const int64_t pixel = shape_.chunks.columns.begin(chunk) + first;
+        return Columns{input() + image * shape_.in_blocks * step + pixel * kLanes, step};
       });
-      return;
-    }
-    T* const columns = scratch();
-    for (int64_t image = 0; image < shape_.images; ++image)
-      for (int64_t chunk = 0; chunk < chunks; ++chunk) {
-        parallel_for(unfold_items(chunk), p_.threads,
-                     [&](int64_t i, int) { unfold(image, chunk, i, columns); });
-        const Pieces pieces = pieces_of(chunk, p_.threads);
-        parallel_for(pieces.count(), p_.threads,
-                     [&](int64_t i, int) { multiply_unfolded(image, chunk, pieces[i], columns); });
-      }
+    else
+      multiply_piece(image, chunk, piece, [&](int64_t first, int64_t width) {
+        return Columns{columns_at(columns) + first * shape_.packed_depth * kLanes,
+                       columns_step(width)};
+      });
   }
 
  private:
   const T* input() const { return static_cast<const T*>(a_.input); }
-  T* scratch() const { return reinterpret_cast<T*>(a_.scratch); }
+  T* columns_at(int64_t index) const {
+    return reinterpret_cast<T*>(a_.scratch) + index * shape_.columns_numbers();
+  }
 
   struct FinishSums {
     const BlockEpilogue* epilogues;
@@ -96,28 +100,6 @@ class Direct {
     return Split{width, 1, shape_.panel.unit}.widest() * kPixel;
   }
 
-  int64_t unfold_items(int64_t chunk) const {
-    return panels_of_chunk(chunk).parts * shape_.in_blocks;
-  }
-
-  /// Writes [panel][block][tap][pixel][kLanes].
-  void unfold(int64_t image, int64_t chunk, int64_t item, T* columns) const {
-    const Split panels = panels_of_chunk(chunk);
-    const int64_t panel = item / shape_.in_blocks, block = item % shape_.in_blocks;
-    const T* in = input() + (image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
-    const int64_t width = panels.width(panel), step = columns_step(width);
-    const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
-    T* const to = columns + panels.begin(panel) * shape_.packed_depth * kLanes;
-    const auto at = [&](int64_t depth) {
-      return to + depth / kBlocks * step + depth % kBlocks * kLanes;
-    };
-    int64_t depth = block * shape_.taps;
-    for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
-      for (int64_t kx = 0; kx < p_.kernel_w; ++kx, ++depth)
-        unfold_tap(in, ky, kx, first, width, at(depth));
-    if (depth == shape_.depth() && depth % kBlocks != 0) fill_pixels(at(depth), width);
-  }
-
   static void fill_pixels(T* to, int64_t count) {
     for (int64_t i = 0; i < count; ++i) std::fill_n(to + i * kPixel, kLanes, T{});
   }
@@ -142,25 +124,6 @@ class Direct {
       to += run * kPixel;
       done += run;
     }
-  }
-
-  Pieces pieces_of(int64_t chunk, int sharing) const {
-    return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
-  }
-
-  void multiply_pixels(int64_t image, int64_t chunk, const Piece& piece) const {
-    const int64_t step = p_.h * p_.w * kLanes;
-    const T* const pixels =
-        input() + image * shape_.in_blocks * step + shape_.chunks.columns.begin(chunk) * kLanes;
-    multiply_piece(image, chunk, piece, [&](int64_t first, int64_t) {
-      return Columns{pixels + first * kLanes, step};
-    });
-  }
-
-  void multiply_unfolded(int64_t image, int64_t chunk, const Piece& piece, const T* columns) const {
-    multiply_piece(image, chunk, piece, [&](int64_t first, int64_t width) {
-      return Columns{columns + first * shape_.packed_depth * kLanes, columns_step(width)};
-    });
   }
 
   /// `columns_of(first, width)` returns a panel of the chunk.
@@ -190,7 +153,7 @@ class Direct {
                                       kPixel, weights(block), shape_.weights()},
                           blocks, width, tiles, finish);
       else
-        multiply(
+        HWY_NAMESPACE::multiply(
             Factors<T>{shape_.depth(), columns.data, columns.step, weights(block), shape_.weights(),
                        prefetched(block, slice, piece.end_panel - 1 - panel)},
             blocks, width, finish);
@@ -214,13 +177,11 @@ class Direct {
   const ConvolutionProblem& p_;
   const BlockedConvolutionArguments& a_;
   const DirectShape shape_;
+  const bool reads_input_;  // its pixels are the columns
 };
 
 void run_direct(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  with_type(p.values, [&](auto type) {
-    const Direct<decltype(type)> direct(p, a);
-    is_pointwise(p) ? direct.run_pointwise() : direct.run();
-  });
+  with_type(p.values, [&](auto type) { Direct<decltype(type)>(p, a).run(); });
 }
 
 void run_in_tiles(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {

@@ -6,6 +6,7 @@
 #include "kernels/blocked/kernels.h"
 #include "kernels/convolution.h"
 #include "kernels/nchw.h"
+#include "kernels/window.h"
 #include "layout.h"
 #include "revisit/engine/parallel_for.h"
 
@@ -88,6 +89,33 @@ class Pieces {
   int64_t slices_;
   Split cut_;
 };
+
+/// Computes the products of `images` in chunks. For each, calls `product.prepare(image, chunk,
+/// item, columns)` for the `product.items(chunk)`, then `product.multiply(image, chunk, piece,
+/// columns, thread)` for the pieces. `columns` is the index of the memory of the chunk's columns.
+template <class Product>
+void run_in_chunks(const Chunks& chunks, int64_t images, int threads, const Product& product) {
+  const int64_t parts = chunks.columns.parts;
+  if (chunks.per_thread) {
+    parallel_for(images * parts, threads, [&](int64_t item, int thread) {
+      const int64_t image = item / parts, chunk = item % parts;
+      for (int64_t i = 0; i < product.items(chunk); ++i) product.prepare(image, chunk, i, thread);
+      const Pieces pieces = product.pieces_of(chunk, 1);
+      for (int64_t i = 0; i < pieces.count(); ++i)
+        product.multiply(image, chunk, pieces[i], thread, thread);
+    });
+    return;
+  }
+  for (int64_t image = 0; image < images; ++image)
+    for (int64_t chunk = 0; chunk < parts; ++chunk) {
+      parallel_for(product.items(chunk), threads,
+                   [&](int64_t i) { product.prepare(image, chunk, i, 0); });
+      const Pieces pieces = product.pieces_of(chunk, threads);
+      parallel_for(pieces.count(), threads, [&](int64_t i, int thread) {
+        product.multiply(image, chunk, pieces[i], 0, thread);
+      });
+    }
+}
 
 /// Splits `products` equal products into chunks of at most `panels` panels. If each thread gets at
 /// least one chunk, all get equally many, if there are enough columns.
@@ -342,5 +370,45 @@ struct ConvolutionMaxPoolScratch {
 
   int64_t floats() const { return patch + columns + squares; }
 };
+
+// The list of convolution kernels.
+
+extern const BlockedConvolutionKernel kBlockedPlainInput;
+extern const BlockedConvolutionKernel kBlockedPlainInputTiles;
+extern const BlockedConvolutionKernel kBlockedDepthwise;
+extern const BlockedConvolutionKernel kBlockedNarrowGroups;
+extern const BlockedConvolutionKernel kBlockedPointwise;
+extern const BlockedConvolutionKernel kBlockedDirect;
+extern const BlockedConvolutionKernel kBlockedTiles;
+std::span<const BlockedConvolutionKernel> winograd_kernels();
+
+inline bool groups_are_whole_blocks(const ConvolutionProblem& p) {
+  return p.group == 1 || (p.c_in_per_group() % kLanes == 0 && p.c_out_per_group() % kLanes == 0);
+}
+
+/// Passes `packed` as numbers of type `values` and the conversion from float.
+template <class Pack>
+void pack_as(Precision values, float* packed, const Pack& pack) {
+  if (values == Precision::kBf16)
+    pack(reinterpret_cast<BFloat16*>(packed), to_bfloat16);
+  else
+    pack(packed, [](float x) { return x; });
+}
+
+inline bool is_pointwise(const ConvolutionProblem& p) {
+  return groups_are_whole_blocks(p) && is_each_pixel(p.kernel_h, p.stride_h, p.pad_h) &&
+         is_each_pixel(p.kernel_w, p.stride_w, p.pad_w);
+}
+
+// Predicted times of the kernels on one thread, from counts of operations and bytes. The constants
+// are for an AVX-512 core at 3.4 GHz with 2 MB of L2 cache (Sapphire Rapids), fitted to measured
+// times of the layers in tests/problems/convolution.txt.
+double plain_input_ms(const ConvolutionProblem& p);
+double plain_input_tiles_ms(const ConvolutionProblem& p);
+double depthwise_ms(const ConvolutionProblem& p);
+double pointwise_ms(const ConvolutionProblem& p);
+double direct_ms(const ConvolutionProblem& p);
+double tiles_ms(const ConvolutionProblem& p);
+double winograd_ms(const WinogradVariant& v, const ConvolutionProblem& p);
 
 }  // namespace revisit::engine

@@ -2,7 +2,6 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/plain_input.cpp"
 #include <hwy/foreach_target.h>
 
-#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/lrn-inl.h"
 #include "kernels/blocked/partition.h"

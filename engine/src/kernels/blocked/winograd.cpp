@@ -3,7 +3,6 @@
 #include <hwy/foreach_target.h>
 
 #include "kernels/blocked/block-inl.h"
-#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/multiply-inl.h"
@@ -89,29 +88,69 @@ class Winograd {
   Winograd(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
       : p_(p), a_(a), shape_(kVariants[kVariant], p) {}
 
-  void run() const {
-    const int64_t chunks = shape_.chunks.columns.parts;
-    if (shape_.chunks.per_thread) {
-      const int64_t floats = shape_.inputs_floats() + shape_.products_floats();
-      parallel_for(chunks, p_.threads, [&](int64_t chunk, int thread) {
-        float* const inputs = a_.scratch + thread * floats;
-        for (int64_t i = 0; i < input_items(chunk); ++i) transform_inputs(chunk, i, inputs);
-        const Pieces pieces = pieces_of(chunk, 1);
-        for (int64_t i = 0; i < pieces.count(); ++i)
-          compute(chunk, pieces[i], inputs, inputs + shape_.inputs_floats());
-      });
-      return;
+  void run() const { run_in_chunks(shape_.chunks, 1, p_.threads, *this); }
+
+  int64_t items(int64_t chunk) const { return panels_of_chunk(chunk).parts * shape_.in_blocks; }
+
+  Pieces pieces_of(int64_t chunk, int sharing) const {
+    return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
+  }
+
+  /// Writes [panel][block][point][tile][kLanes].
+  void prepare(int64_t, int64_t chunk, int64_t item, int64_t columns) const {
+    const Split panels = panels_of_chunk(chunk);
+    const int64_t panel = item / shape_.in_blocks, block = item % shape_.in_blocks;
+    const int64_t width = panels.width(panel);
+    const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
+    float* const to = inputs_at(columns) +
+                      (panels.begin(panel) * shape_.in_blocks + block * width) * kPoints * kLanes;
+    with_type(p_.values, [&](auto type) HWY_ATTR {
+      using T = decltype(type);
+      for (int64_t t = 0; t < width; ++t) {
+        const Tile tile = locate(first + t);
+        const T* const image = static_cast<const T*>(a_.input) +
+                               (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
+        transform_input(image, tile.y - p_.pad_h, tile.x - p_.pad_w, to + t * kLanes,
+                        width * kLanes);
+      }
+    });
+  }
+
+  /// Multiplies all points, then transforms the products back while they are in cache:
+  /// [panel][block][point][tile][kLanes].
+  void multiply(int64_t, int64_t chunk, const Piece& piece, int64_t columns, int thread) const {
+    const float* const inputs = inputs_at(columns);
+    const int64_t sets = shape_.chunks.per_thread ? p_.threads : 1;
+    float* const products = inputs_at(sets) + thread * shape_.products_floats();
+    const int64_t group = piece.slice / shape_.slices_per_group();
+    const int64_t begin = piece.slice % shape_.slices_per_group() * shape_.slice_blocks;
+    const int64_t blocks = std::min(shape_.slice_blocks, shape_.out_blocks_per_group() - begin);
+    const int64_t first_block = group * shape_.out_blocks_per_group() + begin;
+
+    const Split cut = panels_of_chunk(chunk);
+    const int64_t n_panels = piece.end_panel - piece.first_panel;
+    ChunkPanel panels[WinogradShape::kMaxChunkPanels];
+    for (int64_t i = 0; i < n_panels; ++i) {
+      const int64_t first = cut.begin(piece.first_panel + i);
+      const int64_t width = cut.width(piece.first_panel + i);
+      const int64_t block_floats = kPoints * width * kLanes;
+      const int64_t before = first * kPoints * kLanes;
+      panels[i] = {
+          shape_.chunks.columns.begin(chunk) + first, width, block_floats,
+          inputs + before * shape_.in_blocks + group * shape_.in_blocks_per_group() * block_floats,
+          products + before * blocks};
     }
-    float* const inputs = a_.scratch;
-    float* const products = inputs + shape_.inputs_floats();
-    for (int64_t chunk = 0; chunk < chunks; ++chunk) {
-      parallel_for(input_items(chunk), p_.threads,
-                   [&](int64_t i, int) { transform_inputs(chunk, i, inputs); });
-      const Pieces pieces = pieces_of(chunk, p_.threads);
-      parallel_for(pieces.count(), p_.threads, [&](int64_t i, int thread) {
-        compute(chunk, pieces[i], inputs, products + thread * shape_.products_floats());
-      });
-    }
+
+    const Products order(first_block, blocks);
+    for (int64_t step = 0; step < order.steps(); ++step)
+      for (int64_t i = 0; i < n_panels; ++i)
+        multiply_step(panels[i], order, step, n_panels - 1 - i);
+
+    with_type(p_.values, [&](auto type) HWY_ATTR {
+      for (int64_t b = 0; b < blocks; ++b)
+        for (int64_t i = 0; i < n_panels; ++i)
+          transform_outputs<decltype(type)>(panels[i], b, first_block + b);
+    });
   }
 
  private:
@@ -120,6 +159,8 @@ class Winograd {
   using Columns = WinogradTransform<kTile.columns, kTile.taps>;
   static constexpr int kRows = Rows::kPoints, kColumns = Columns::kPoints;
   static constexpr int kPoints = kRows * kColumns;
+
+  float* inputs_at(int64_t index) const { return a_.scratch + index * shape_.inputs_floats(); }
 
   struct Tile {
     int64_t image, y, x;  // first output pixel
@@ -132,34 +173,6 @@ class Winograd {
 
   Split panels_of_chunk(int64_t chunk) const {
     return panels_of(shape_.chunks.columns.width(chunk));
-  }
-
-  Pieces pieces_of(int64_t chunk, int sharing) const {
-    return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
-  }
-
-  int64_t input_items(int64_t chunk) const {
-    return panels_of_chunk(chunk).parts * shape_.in_blocks;
-  }
-
-  /// Writes [panel][block][point][tile][kLanes].
-  void transform_inputs(int64_t chunk, int64_t item, float* inputs) const {
-    const Split panels = panels_of_chunk(chunk);
-    const int64_t panel = item / shape_.in_blocks, block = item % shape_.in_blocks;
-    const int64_t width = panels.width(panel);
-    const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
-    float* const to =
-        inputs + (panels.begin(panel) * shape_.in_blocks + block * width) * kPoints * kLanes;
-    with_type(p_.values, [&](auto type) HWY_ATTR {
-      using T = decltype(type);
-      for (int64_t t = 0; t < width; ++t) {
-        const Tile tile = locate(first + t);
-        const T* const image = static_cast<const T*>(a_.input) +
-                               (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
-        transform_input(image, tile.y - p_.pad_h, tile.x - p_.pad_w, to + t * kLanes,
-                        width * kLanes);
-      }
-    });
   }
 
   /// Writes point (i, j) to `to + (i * kColumns + j) * step`.
@@ -193,40 +206,6 @@ class Winograd {
         store_block(b, to + (i * kColumns + j) * step);
       });
     }
-  }
-
-  /// Multiplies all points, then transforms the products back while they are in cache:
-  /// [panel][block][point][tile][kLanes].
-  void compute(int64_t chunk, const Piece& piece, const float* inputs, float* products) const {
-    const int64_t group = piece.slice / shape_.slices_per_group();
-    const int64_t begin = piece.slice % shape_.slices_per_group() * shape_.slice_blocks;
-    const int64_t blocks = std::min(shape_.slice_blocks, shape_.out_blocks_per_group() - begin);
-    const int64_t first_block = group * shape_.out_blocks_per_group() + begin;
-
-    const Split cut = panels_of_chunk(chunk);
-    const int64_t n_panels = piece.end_panel - piece.first_panel;
-    ChunkPanel panels[WinogradShape::kMaxChunkPanels];
-    for (int64_t i = 0; i < n_panels; ++i) {
-      const int64_t first = cut.begin(piece.first_panel + i);
-      const int64_t width = cut.width(piece.first_panel + i);
-      const int64_t block_floats = kPoints * width * kLanes;
-      const int64_t before = first * kPoints * kLanes;
-      panels[i] = {
-          shape_.chunks.columns.begin(chunk) + first, width, block_floats,
-          inputs + before * shape_.in_blocks + group * shape_.in_blocks_per_group() * block_floats,
-          products + before * blocks};
-    }
-
-    const Products order(first_block, blocks);
-    for (int64_t step = 0; step < order.steps(); ++step)
-      for (int64_t i = 0; i < n_panels; ++i)
-        multiply_step(panels[i], order, step, n_panels - 1 - i);
-
-    with_type(p_.values, [&](auto type) HWY_ATTR {
-      for (int64_t b = 0; b < blocks; ++b)
-        for (int64_t i = 0; i < n_panels; ++i)
-          transform_outputs<decltype(type)>(panels[i], b, first_block + b);
-    });
   }
 
   struct ChunkPanel {
@@ -267,10 +246,11 @@ class Winograd {
             ? weights(products.first_block + products.begin(next) + left, products.point(next))
             : here;
     const int64_t offset = point * panel.width * kLanes, block_floats = panel.block_floats;
-    multiply(Factors<float>{shape_.in_blocks_per_group(), panel.inputs + offset, block_floats, here,
-                            kPoints * weights_floats(), prefetched},
-             products.count(step), panel.width,
-             StoreProducts{panel.products + begin * block_floats + offset, block_floats});
+    HWY_NAMESPACE::multiply(
+        Factors<float>{shape_.in_blocks_per_group(), panel.inputs + offset, block_floats, here,
+                       kPoints * weights_floats(), prefetched},
+        products.count(step), panel.width,
+        StoreProducts{panel.products + begin * block_floats + offset, block_floats});
   }
 
   template <class T>

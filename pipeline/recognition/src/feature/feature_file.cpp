@@ -269,16 +269,13 @@ void FeatureFile::read_header(int64_t size) {
     return;
   }
   FileCursor cursor(start, file_);
-  const proto::NpyHeader header = proto::read_npy_header(cursor);
-  if (header.dtype != "<f4" || header.fortran_order || header.shape.size() != 2)
-    throw InputError(file_.string(),
-                     ": not a feature file: expected '<f4' in C order with two "
-                     "axes, found '",
-                     header.dtype, "' in ", header.fortran_order ? "Fortran" : "C", " order with ",
-                     header.shape.size());
-  n_ = header.shape[0];
-  stride_ = d_ = header.shape[1];
-  header_bytes_ = static_cast<int64_t>(header.bytes);
+  const std::vector<int64_t> shape = proto::read_npy_header(cursor);
+  if (shape.size() != 2)
+    throw InputError(file_.string(), ": not a feature file: expected two axes, found ",
+                     shape.size());
+  n_ = shape[0];
+  stride_ = d_ = shape[1];
+  header_bytes_ = static_cast<int64_t>(cursor.position());
 }
 
 FloatMatrix FeatureFile::matrix(int64_t first, int64_t count, int64_t columns) const {

@@ -11,17 +11,11 @@
 
 namespace revisit::proto {
 
-struct NpyHeader {
-  std::string dtype;  // NumPy's notation, e.g. "<f4"
-  bool fortran_order = false;
-  std::vector<int64_t> shape;
-  uint64_t bytes = 0;  // offset of the array
-};
-
 inline constexpr uint64_t kMaxNpyHeader = 64 * 1024;  // [bytes] NumPy writes a few hundred at most
 
-/// Reads versions 1-3; leaves the cursor at the array. Throws InputError if the header is invalid.
-NpyHeader read_npy_header(FileCursor& cursor);
+/// Reads the header (versions 1-3) of a float32 array in C order and returns its shape; leaves the
+/// cursor at the array. Throws InputError if the header is invalid or of another array.
+std::vector<int64_t> read_npy_header(FileCursor& cursor);
 
 /// Reads a NumPy .npy file (versions 1-3): float32 or float64 (converted), little-endian, C order.
 /// Throws InputError with the finding: another dtype, Fortran order, a truncated file.

@@ -54,9 +54,6 @@ struct SpeedLimits {
   /// From a working set in a core's caches to one beyond all caches, ascending.
   std::vector<Bandwidth> bandwidths;
 
-  /// DRAM bandwidth: working set beyond all caches.
-  const Bandwidth& memory() const { return bandwidths.back(); }
-
   /// Lower bound for a layer's multiplications, without padding and additions [ms].
   double compute_ms(const engine::LayerCost& cost) const;
   /// Lower bound for reading and writing its data once, from the fastest cache that holds it [ms].
