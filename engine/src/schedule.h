@@ -124,8 +124,8 @@ struct MemoryPlan {
 };
 
 /// Places buffers in an arena so that buffers with overlapping lifetimes do not overlap. Places the
-/// largest first, each into the lowest sufficient gap. If there are very many, the smallest share
-/// no memory. Offsets are multiples of `alignment`; 0 for empty buffers.
+/// largest first, each into the lowest sufficient gap. If there are very many, places the smaller
+/// ones step by step above these. Offsets are multiples of `alignment`; 0 for empty buffers.
 MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment);
 
 }  // namespace revisit::engine
