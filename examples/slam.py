@@ -2,7 +2,7 @@
 """SLAM: odometry by KISS-ICP, loop closures by revisit, robust pose graph optimization by GTSAM.
 
   slam.py scans/ -o out                                    # .bin, .pcd or .ply files, KITTI's layout, data sets
-  slam.py drive.bag --topic /points -o out                 # any recording of revisit.recordings
+  slam.py drive.bag --sequence /points -o out              # any recording of revisit.recordings
   slam.py town --simulate 600 -o out                       # simulates a drive first
 
 Writes out/trajectory.tum (T_world_lidar of every scan, z up) and out/trajectory.png. If the recording has poses, prints the
@@ -118,8 +118,7 @@ def draw(file, paths, loops, title):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('data')
-    parser.add_argument('--topic', help='topic of a bag with several')
-    parser.add_argument('--sequence', default='', help='sequence of a data set with several')
+    parser.add_argument('--sequence', default='', help='sequence of a data set with several, topic of a bag')
     parser.add_argument('--simulate', type=float, metavar='METERS', help='simulate a drive of this length in the folder first')
     parser.add_argument('--sensor', help='sensor of the ring model (default: detected from the first scan)')
     parser.add_argument('--max-range', type=float, default=100, help='maximum range of odometry [m] (default %(default)s)')
@@ -133,7 +132,7 @@ def main():
     (o.output / 'trajectory.tum').touch()  # fails now if it is not writable
     if o.simulate is not None:
         program.run('simulate', '-o', o.data, '--length', o.simulate, '--every', 2, '--route', 'both')
-    recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
+    recording = recordings.open_recording(o.data, sequence=o.sequence)
     sensor = o.sensor or (o.local_map and 'hdl64') or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
     odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(with_progress(recording), o.keyframe)

@@ -21,7 +21,7 @@ set(sees_tools tools loops maps registration baselines evaluation datasets recog
 
 set(owned_libraries
   "opencv2/|pipeline/baselines/src/opencv/"
-  "png.h|pipeline/datasets/src/io/gray_png|tools/src/report/range_images|tools/src/pictures/picture.cpp"
+  "png.h|pipeline/datasets/src/io/gray_png|tools/src/pictures/picture.cpp"
   "jpeglib.h|tools/src/pictures/picture.cpp"
   "liblzf/|pipeline/datasets/src/io/pcd"
   "nanoflann|pipeline/registration/src/prepared_scan"
@@ -34,7 +34,7 @@ set(owned_libraries
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra.cpp"
   "lapacke|pipeline/recognition/src/linear_algebra.cpp"
   "yaml-cpp/|tools/src/"
-  "openssl/|tools/src/models/|tools/src/report/range_images"
+  "openssl/|tools/src/models/|tools/src/report/page"
   "ring_model.pb.h|pipeline/recognition/src/ring/model.cpp"
   "CLI/CLI.hpp|tools/src/cli/options"
   "nanobind/|python/src/")

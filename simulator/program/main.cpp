@@ -2,7 +2,6 @@
 
 #include "cli/command.h"
 #include "cli/shell.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "revisit/simulation/simulation.h"
 

@@ -38,7 +38,6 @@ void make_page(const std::filesystem::path& place) {
     static const auto own = marks(cli::html_page({}));
     require(marks(cli::html_page(page)) == own, "nothing in the data begins markup");
     require(can_be_read(page), "the data of a page can be read");
-    cli::results_markdown(page);
   });
 }
 

@@ -112,7 +112,7 @@ class Streams(FolderTest):
 
     def test_errors_are_in_the_stream(self):
         for data, more, code, message in ((self.folder / 'nowhere', [], 3, 'no such file'),
-                                          (save_arrays(self.folder / 'drive', [room(1)]), ['--topic', '/p'], 2, 'topic /p: not supported')):
+                                          (save_arrays(self.folder / 'drive', [room(1)]), ['--sequence', '/p'], 2, 'sequence /p: not supported')):
             (line, *_), = self.stream(data, *more, code=code)
             self.assertEqual(line['code'], code)
             self.assertIn(message, line['error'])
@@ -320,7 +320,7 @@ class Drives(Command):
 class Faults(Command):
     def test_options_of_other_inputs(self):
         data = save_arrays(self.folder / 'drive', [room(i) for i in range(4)])
-        self.fails(2, 'topic /p: not supported', data, '--topic', '/p')
+        self.fails(2, 'sequence /p: not supported', data, '--sequence', '/p')
         self.fails(2, '--follow: not supported for recordings', data, '--follow', 1)
         self.fails(2, '--local-map: .* has no pose; give --poses', data, '--local-map', 10)
         self.fails(2, 'seconds: the scans have no times', data, '--exclusion', 'seconds=3', '--sensor', 'hdl64', '-q', '-o',
@@ -347,8 +347,8 @@ class Faults(Command):
                 self.fails(3, r'no topic of PointCloud2 .* /chatter \(std_msgs/msg/String\)', bag('none', {}), *few)
                 self.fails(3, 'topic /p has no messages with points', bag('empty', {'/p': []}), *few)
                 two = bag('two', {'/p': [cloud], '/q': [cloud]})
-                self.fails(2, 'choose one of /p, /q with --topic', two, *few)
-                self.fails(2, 'no topic /r', two, '--topic', '/r', *few)
+                self.fails(2, 'choose one of /p, /q with --sequence', two, *few)
+                self.fails(2, 'no topic /r', two, '--sequence', '/r', *few)
                 self.fails(3, 'field x: .* found int32', bag('integers', {'/p': [packed(room(1)[:500, :3], types='iff')]}), *few)
                 path = bag('cut', {'/p': [cloud] * 20})
                 file = path if path.is_file() else next(f for f in path.iterdir() if f.suffix in ('.mcap', '.db3'))

@@ -213,11 +213,11 @@ class Bags(Folders):
 
     def test_a_topic_is_chosen(self):
         path = write_bag(self.folder, 'mcap', {'/a': [packed(self.clouds[0])], '/b': [packed(self.clouds[1])] * 2})
-        with self.assertRaisesRegex(revisit.UsageError, 'choose one of /a, /b with --topic'):
+        with self.assertRaisesRegex(revisit.UsageError, 'choose one of /a, /b with --sequence'):
             open_recording(path)
-        self.check([self.clouds[1]] * 2, path=path, topic='/b')
+        self.check([self.clouds[1]] * 2, path=path, sequence='/b')
         with self.assertRaisesRegex(revisit.UsageError, 'no topic /c'):
-            open_recording(path, topic='/c')
+            open_recording(path, sequence='/c')
 
     def test_lost_messages_are_missed(self):
         path = write_bag(self.folder, 'sqlite3', {'/points': [packed(cloud) for cloud in self.clouds]})
@@ -590,8 +590,9 @@ class Layouts(Folders):
             open_recording(self.folder)
         self.put('scans/1.bin', self.points[0].tobytes())
         self.put('scans/1.npy', 'notes')
-        with self.assertRaisesRegex(revisit.UsageError, 'topic /p: not supported for kitti data'):
-            open_recording(self.folder / 'scans', topic='/p')
+        self.put('arrays/1.npy', 'notes')
+        with self.assertRaisesRegex(revisit.UsageError, 'sequence /p: not supported for npy data'):
+            open_recording(self.folder / 'arrays', sequence='/p')
 
 
 class Packets(Folders):

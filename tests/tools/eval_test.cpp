@@ -171,7 +171,7 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
       parsed({"/data", "--model", "bvlc_alexnet", "--weights", "w.caffemodel", "--pca", "pca",
               "--radius", "2.9999999", "--geometry", "max-range=1234567", "--memory", "0.1"}));
   const std::string of_images = cli::command_of(
-      parsed({"/data", "--feature", "fabmap", "--images", "pca", "--training-images", "pca"}));
+      parsed({"/data", "--feature", "fabmap", "--images", "pca,pca"}));
   fs::current_path(before);
   const std::string nets = "'" + (dir_ / "my nets").string();
   for (const std::string& part :
@@ -180,13 +180,13 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
         std::string(" --memory 0.1 ")})
     EXPECT_HAS(command, part);
   EXPECT_EQ(of_images, "revisit eval /data --feature fabmap --images " + nets +
-                           "/pca' --training-images " + nets + "/pca'");
+                           "/pca," + nets.substr(1) + "/pca'");
   EXPECT_TRUE(command.ends_with(" --radius 2.9999999")) << command;
 }
 
 TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
   for (const char* option :
-       {"--end pool5", "--mean 1,2,nan", "--candidates 5", "--training-images x"}) {
+       {"--end pool5", "--mean 1,2,nan", "--candidates 5", "--images x"}) {
     expect_exit(2, {" belongs to --feature "}, eval(std::string("--no-report ") + option));
   }
   expect_exit(2, {}, describe("--end pool5", "results"));
@@ -474,8 +474,8 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
 
   const auto described = run_revisit(describe("--geometry width=100 --pca 5", "described"));
   EXPECT_EQ(described.exit_code, 6) << described.err;
-  const std::string frames = read_file(dir_ / "described/frames.csv");
-  EXPECT_HAS(frames, ",described\n");
+  const std::string frames = read_file(dir_ / "described/scans.csv");
+  EXPECT_HAS(frames, ",described,stored\n");
 
   for (int i = 0; i < 24; ++i) write_file(scan(i), "short");
   EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 3) << "nothing is left";
@@ -654,7 +654,7 @@ TEST_F(EvalCommand, DescriptorsAreWrittenWithTheirPcaModel) {
   const std::string common = "--geometry width=400 --pca ";
   run_ok(describe(common + "5", "out"));
   for (const char* file :
-       {"descriptors.npy", "frames.csv", "run.json", "pca/mean.npy", "pca/basis.npy"})
+       {"descriptors.npy", "scans.csv", "run.json", "pca/mean.npy", "pca/basis.npy"})
     EXPECT_TRUE(fs::exists(out / file)) << file;
   EXPECT_EQ(run_in(out).info().descriptor_dimension(), 5);
   const std::string fitted = common + (out / "pca").string();

@@ -12,6 +12,12 @@ namespace {
 
 using google::protobuf::Struct;
 
+Struct read_json(const fs::path& file) {
+  Struct content;
+  cli::read_report(file, &content);
+  return content;
+}
+
 void expect_all_agree(const fs::path& folder, int cases) {
   const auto result = run_ok("net verify --threads 2 " + folder.string());
   EXPECT_HAS(result.out, str("\n", cases, " of ", cases, " cases agree"));
@@ -38,7 +44,7 @@ void link_case(const fs::path& folder, const fs::path& prototxt, const fs::path&
 /// Each pair of prototxt and weights in index.json.
 void link_formats(const fs::path& to) {
   const fs::path from = test::golden("formats");
-  const Struct index = cli::read_json(from / "index.json");
+  const Struct index = read_json(from / "index.json");
   int n = 0;
   for (const auto& value : index.fields().at("").list_value().values()) {
     const std::string prototxt = text(value.struct_value(), "prototxt"),
@@ -82,7 +88,7 @@ TEST(GoldenVerify, NetsOfReducedWidthAgree) {
   for (const auto& entry : fs::directory_iterator(slim)) {
     if (!entry.is_directory()) continue;
     const fs::path folder = entry.path();
-    const Struct manifest = cli::read_json(folder / "manifest.json");
+    const Struct manifest = read_json(folder / "manifest.json");
     link_case(cases / folder.filename(), folder / "deploy.prototxt", folder / "weights.caffemodel",
               folder / text(manifest, "input"), folder);
   }
@@ -122,7 +128,7 @@ double error_of_statistics(std::span<const float> values, const Struct& layer) {
 
 /// Layers of which the original's values, or statistics of them, are in the manifest.
 void expect_layers_agree(const fs::path& folder) {
-  const Struct manifest = cli::read_json(folder / "manifest.json");
+  const Struct manifest = read_json(folder / "manifest.json");
   const auto net = engine::Net::load(folder / "deploy.prototxt", folder / "weights.caffemodel");
   const proto::Blob input = proto::read_npy(folder / text(manifest, "input"));
   const engine::Run run = forward(net, input, false), reference = forward(net, input, true);
@@ -133,7 +139,7 @@ void expect_layers_agree(const fs::path& folder) {
     rounding = std::max(rounding, relative_error(run.layer_output(layer.name).values(),
                                                  reference.layer_output(layer.name).values()));
   }
-  // Some nets amplify rounding: compare_case.h.
+  // Some nets amplify rounding: compare_case() in net_verify.cpp.
   const double tolerance = winograd ? 1e-4 : std::max(1e-5, std::min(1e-4, 2 * rounding));
   int index = -1, port = 0;
   for (const auto& value : manifest.fields().at("layers").list_value().values()) {

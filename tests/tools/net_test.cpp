@@ -2,7 +2,7 @@
 
 #include "caffe_schema.pb.h"
 #include "cli/json.h"
-#include "cli/table.h"
+#include "cli/terminal.h"
 #include "reports.pb.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
@@ -133,7 +133,7 @@ class ForwardOfPictures : public NetCommand {
         "bottom: 'data' top: 'out' pooling_param { pool: AVE global_pooling: true } }");
   }
   static std::string picture(const std::string& name) {
-    return " --image " + test::fixture("pictures/" + name).string();
+    return " --input " + test::fixture("pictures/" + name).string();
   }
   std::vector<float> output(const std::string& options) const {
     run_ok("net forward " + path("passes.prototxt") + " -o " + path("out") + options +
@@ -185,15 +185,14 @@ TEST_F(ForwardOfPictures, TheBestClassesOfEachAreNamed) {
 
 TEST_F(ForwardOfPictures, RejectsMisuseOfPictures) {
   const std::string passes = "net forward " + path("passes.prototxt") + " -o " + path("out");
-  expect_failure(3, passes + " --image none.png", "none.png: cannot open");
-  expect_failure(3, passes + " --image " + path("in.npy"), "not a picture: expected PNG or JPEG");
-  expect_failure(2, passes + " --image dato=x.png", "did you mean 'data'");
-  expect_failure(2, passes + " --input-scale 2", "needs --image");
+  expect_failure(3, passes + " --input none.png", "none.png: cannot open");
+  expect_failure(2, passes + " --input dato=x.png", "did you mean 'data'");
+  expect_failure(2, passes + " --input-scale 2", "needs a picture");
   expect_failure(2, passes + picture("color.jpg") + " --input-scale 0", "a positive number");
   expect_failure(2, passes + picture("color.jpg") + " --input-shape 1x2x4x4",
                  "the input 'data' is 1x2x4x4");
   expect_failure(2, passes + picture("color.jpg") + " -i " + path("in.npy"),
-                 "has an --input and an --image");
+                 "has an array and a picture");
   expect_failure(2, "net forward " + model() + picture("gray.jpg"), "--output DIR or --labels");
 }
 

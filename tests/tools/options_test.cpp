@@ -156,7 +156,8 @@ TEST(TextFiles, AreNoFifos) {
   ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
   const std::string reason = "fifo: is not a regular file";
   expect_error<InputError>([&] { read_config_file(dir / "fifo"); }, {reason});
-  expect_error<InputError>([&] { read_json(dir / "fifo"); }, {reason});
+  reports::Run run;
+  expect_error<InputError>([&] { read_report(dir / "fifo", &run); }, {reason});
 }
 
 TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
@@ -168,19 +169,6 @@ TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
   EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   EXPECT_EQ(message.find("INVALID"), std::string::npos) << message;
   EXPECT_HAS(message, "m.json: not the Run that revisit writes: Unexpected end");
-}
-
-TEST(Program, TheListOfProtocolsIsJsonWhenAsked) {
-  const auto result = run_ok("eval --protocol list --format json");
-  const TempDir dir;
-  write_file(dir / "list.json", result.out);
-  const auto list = read_json(dir / "list.json").fields().at("").list_value();
-  EXPECT_GT(list.values_size(), 5);
-  for (const auto& value : list.values()) {
-    const auto& protocol = value.struct_value().fields();
-    for (const char* field : {"name", "definition", "source"})
-      EXPECT_GT(protocol.at(field).string_value().size(), 2U) << field;
-  }
 }
 
 TEST(Program, HelpAndVersionAsWords) {

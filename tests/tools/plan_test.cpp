@@ -1,8 +1,9 @@
 #include "eval/plan.h"
 
 #include "cli/json.h"
-#include "cli/table.h"
-#include "models/random_model.h"
+#include "cli/net_options.h"
+#include "cli/terminal.h"
+#include "models/models.h"
 #include "reports.pb.h"
 #include "revisit/base/text.h"
 #include "small_drive.h"

@@ -1,4 +1,3 @@
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "revisit/proto/npy.h"
 #include "testing.h"

@@ -160,23 +160,6 @@ TEST_F(ReportCommand, ImagesAreMadeOnceForEachScanAndCase) {
   EXPECT_HAS(images.warning(), "none.bin");
 }
 
-TEST_F(ReportCommand, MarkdownHasTheCommandBesideEachNumber) {
-  experiment();
-  const auto result =
-      run_ok("report " + path("out") + " -o " + path("r.html") + " --format markdown");
-  const std::string& text = result.out;
-  EXPECT_HAS(text, "## With and without alignment");
-  EXPECT_HAS(text, "| Scan Context | 1200 | no |");
-  const size_t row = text.find("| 00 | data, aligned | ");
-  ASSERT_NE(row, std::string::npos) << text;
-  // AP [low, high]; no interval where all is one block
-  EXPECT_TRUE(std::regex_search(
-      text.substr(row, 60), std::regex("aligned \\| [01]\\.[0-9]{3} (\\[[01]\\.[0-9]{2}, |\\| )")))
-      << text.substr(row, 60);
-  EXPECT_HAS(text, "`revisit eval " + path("drive"));
-  EXPECT_HAS(text, "sequence 05 has no scans");
-}
-
 /// Queries are the first scans, one per entry of `flags`.
 reports::Page one_task(int scans, std::initializer_list<int> flags) {
   reports::Page page;

@@ -1,4 +1,5 @@
 #include "program_test.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/recognition/ring/model.h"
 #include "testing.h"
 
@@ -17,6 +18,32 @@ class Learn : public test::ProgramTest<Learn> {
   static std::string learn(const std::string& output, const std::string& more = "") {
     return "train " + path("town") + " --sensor vlp16 -o " + path(output) + " --model " +
            path("net/ring16_random.prototxt") + " --layers pool1=24 " + more;
+  }
+  /// A program for $REVISIT_PYTHON that streams the scans of a drive as those of a bag.
+  static std::string reader_of(const std::string& name) {
+    const Dataset drive = open_dataset(path(name), "");
+    const std::string begin =
+        str("{\"revisit_scans\":1,\"name\":\"bag\",\"count\":", drive.scans.size(), "}\n");
+    std::string headers = begin, scans = begin;
+    for (const ScanRef& scan : drive.scans) {
+      const PointCloud cloud = read_scan(scan);
+      const Pose T_world_lidar = *scan.pose * axes_of_camera();
+      std::vector<double> rows;
+      for (int i = 0; i < 12; ++i) rows.push_back(T_world_lidar.matrix()(i / 4, i % 4));
+      const std::string line = str("{\"frame\":", scan.frame, ",\"source\":\"frame ", scan.frame,
+                                   "\",\"pose\":[", joined(rows, ",", exact), "],\"points\":");
+      headers += line + "0}\n";
+      scans += str(line, cloud.points.size(), "}\n");
+      for (const Point& point : cloud.points)
+        scans.append(reinterpret_cast<const char*>(&point), 3 * sizeof(float));
+    }
+    write_file(path("headers"), headers + "{\"end\":true}\n");
+    write_file(path("stream"), scans + "{\"end\":true}\n");
+    write_file(path("reader"), "#!/bin/sh\necho \"$*\" > " + path("words") +
+                                   "\ncase \"$*\" in *headers=True*) cat " + path("headers") +
+                                   " ;; *) cat " + path("stream") + " ;; esac\n");
+    fs::permissions(path("reader"), fs::perms::owner_all);
+    return "REVISIT_PYTHON=" + path("reader");
   }
   static void expect_in(const std::string& text, const std::string& part) {
     EXPECT_HAS(text, part);
@@ -53,6 +80,42 @@ TEST_F(Learn, EqualDrivesGiveEqualModels) {
   run(learn("one.ring", "--threads 1"));
   run(learn("two.ring", "--threads 3 --cache " + path("elsewhere")));
   EXPECT_EQ(read_file(path("one.ring")), read_file(path("two.ring")));
+}
+
+TEST_F(Learn, ARecordingIsADriveWithATopicAsItsSequence) {
+  const std::string environment = reader_of("town"),
+                    bag = path("drive.bag") + " --sequence /lidar ";
+  write_file(path("drive.bag"), "");
+  const auto of_bag = [&](const std::string& command) {
+    const ProgramResult result = test::run_revisit(command, environment);
+    EXPECT_EQ(result.exit_code, 0) << command << "\n" << result.err;
+    EXPECT_HAS(read_file(path("words")), "--sequence=/lidar");
+    return result.out;
+  };
+  const auto train = [&](const std::string& drive, const std::string& file) {
+    return "train " + drive + " --sensor vlp16 --augment 0 --layers pool1=8 -q --model " +
+           path("net/ring16_random.prototxt") + " -o " + path(file);
+  };
+  run(train(path("town"), "files.ring"));
+  of_bag(train(bag, "bag.ring"));
+  const RingModel files = read_ring_model(path("files.ring")),
+                  model = read_ring_model(path("bag.ring"));
+  EXPECT_EQ(model.cnn.mean, files.cnn.mean);
+  EXPECT_EQ(model.polar.shared, files.polar.shared);
+  EXPECT_TRUE(model.trained_on.ends_with(" scans of bag")) << model.trained_on;
+
+  const std::string how = " --exclusion frames=200 --target-precision 0.6 --every 1,2 -q ";
+  const std::string from_files = run("calibrate " + path("files.ring") + " " + path("town") + how);
+  EXPECT_EQ(of_bag("calibrate " + path("bag.ring") + " " + bag + how), from_files);
+
+  write_file(
+      path("pairs.csv"), "query,place\n" + [] {
+        const Dataset drive = open_dataset(path("town"), "");
+        return str(drive.scans.back().frame, ",", drive.scans.front().frame, "\n");
+      }());
+  EXPECT_HAS(of_bag("eval " + bag + "--pairs " + path("pairs.csv") + " --feature data --pca none" +
+                    " --every 24 --no-report -q -o " + path("results")),
+             "driving-order");
 }
 
 TEST_F(Learn, MistakesAreSaid) {

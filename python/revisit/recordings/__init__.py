@@ -13,25 +13,25 @@ from revisit.recordings.recording import Reader, Recording, Scan
 __all__ = ['READERS', 'Reader', 'Recording', 'Scan', 'open_recording']
 
 READERS = [
-    Reader('rosbag', bags.detects, bags.open_bag, ('topic',)),
+    Reader('rosbag', bags.detects, bags.open_bag, takes_sequence=True),
     Reader('ouster', packets.detects_ouster, packets.open_ouster),
     Reader('velodyne', packets.detects_velodyne, packets.open_velodyne),
-    Reader('nuscenes', nuscenes.detects, nuscenes.open_nuscenes, ('sequence',)),
-    Reader('kitti360', kitti_360.detects, kitti_360.open_kitti_360, ('sequence',)),
-    Reader('helipr', data_sets.detects_helipr, data_sets.open_helipr, ('sequence',)),
+    Reader('nuscenes', nuscenes.detects, nuscenes.open_nuscenes, takes_sequence=True),
+    Reader('kitti360', kitti_360.detects, kitti_360.open_kitti_360, takes_sequence=True),
+    Reader('helipr', data_sets.detects_helipr, data_sets.open_helipr, takes_sequence=True),
     Reader('mulran', data_sets.detects_mulran, data_sets.open_mulran),
     Reader('nclt', data_sets.detects_nclt, data_sets.open_nclt),
     Reader('npy', folders.detects_npy, folders.open_npy),
-    Reader('kitti', folders.detects, folders.open_scans, ('sequence',)),
+    Reader('kitti', folders.detects, folders.open_scans, takes_sequence=True),
 ]
 """Order of detection. The last accepts any folder: KITTI's layout, and .bin, .pcd and .ply files."""
 
 
-def open_recording(path, *, topic=None, sequence='') -> Recording:
+def open_recording(path, *, sequence='') -> Recording:
     """Opens the recording at `path` by the first reader that detects it.
 
-    topic: of a bag; required if it has several topics of PointCloud2.
-    sequence: of a data set with several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster).
+    sequence: of a data set with several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster); topic of a bag with several of
+    PointCloud2.
     Raises InputError with the path, Error with the name of a missing package.
     """
     path = Path(path)
@@ -39,11 +39,11 @@ def open_recording(path, *, topic=None, sequence='') -> Recording:
         raise InputError(f'{path}: no such file or folder')
     if path.name in ('', '..'):  # the folder gives the drive's name, which locates KITTI-360's poses
         path = path.resolve()
-    options = {'topic': topic, 'sequence': str(sequence or '')}
     for reader in READERS:
         if reader.detects(path):
-            for name, value in options.items():
-                if value and name not in reader.takes:
-                    raise UsageError(f'{path}: {name} {value}: not supported for {reader.name} data; remove it')
-            return reader.opens(path, *(options[name] for name in reader.takes))
+            if reader.takes_sequence:
+                return reader.opens(path, str(sequence or ''))
+            if sequence:
+                raise UsageError(f'{path}: sequence {sequence}: not supported for {reader.name} data; remove it')
+            return reader.opens(path)
     raise InputError(f'{path}: unknown format; expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), or a folder')

@@ -23,12 +23,11 @@ def positive(text):
 
 def add_options(parser):
     """Declares the options of open_recording()."""
-    parser.add_argument('--topic', help='topic of a bag that has several of PointCloud2')
-    parser.add_argument('--sequence', default='', help='sequence of a data set that has several: 00, scene-0061, Ouster')
+    parser.add_argument('--sequence', default='', help='sequence of a data set that has several: 00, scene-0061, Ouster; topic of a bag')
 
 
 def open_given(o) -> Recording:
-    return open_recording(o.data, topic=o.topic, sequence=o.sequence)
+    return open_recording(o.data, sequence=o.sequence)
 
 
 def write(out, content, *arrays):

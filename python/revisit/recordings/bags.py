@@ -141,20 +141,20 @@ def opened(path):
 
 
 def choose(path, readers, topic):
-    """Returns the requested topic, or the only one of PointCloud2."""
+    """Returns the requested topic ('': none), or the only one of PointCloud2."""
     connections = [connection for reader in readers for connection in reader.connections]
     clouds = [connection for connection in connections if connection.msgtype in CLOUDS]
     topics = sorted({connection.topic for connection in clouds})
-    if topic is not None and topic not in topics:
+    if topic and topic not in topics:
         raise UsageError(f'{path}: no topic {topic} of PointCloud2 (found {", ".join(topics) or "none"})')
     if not topics:
         others = ', '.join(sorted({f'{c.topic} ({c.msgtype})' for c in connections})) or 'none'
         raise InputError(f'{path}: no topic of PointCloud2 (sensor_msgs); topics: {others}')
-    if topic is None:
+    if not topic:
         topics = [name for name in topics if any(c.topic == name and c.msgcount != 0 for c in clouds)] or topics
         if len(topics) > 1:
-            raise UsageError(f'{path}: several topics of PointCloud2; choose one of {", ".join(topics)} with --topic')
-    return topics[0] if topic is None else topic
+            raise UsageError(f'{path}: several topics of PointCloud2; choose one of {", ".join(topics)} with --sequence')
+    return topic or topics[0]
 
 
 def connections_of(reader, topic):

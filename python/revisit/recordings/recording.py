@@ -46,8 +46,8 @@ class Reader(NamedTuple):
     name: str
     detects: Callable[[Path], bool]
     opens: Callable[..., Recording]
-    takes: tuple[str, ...] = ()
-    """Names of the options of open_recording() that `opens` takes after the path."""
+    takes_sequence: bool = False
+    """Whether `opens` takes a sequence after the path."""
 
 
 def package(name, install, what):

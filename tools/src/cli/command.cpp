@@ -21,25 +21,6 @@ namespace {
 
 constexpr size_t kColumns = 79, kHelpColumn = 29;
 
-/// Fills paragraphs. The first line continues one of `used` columns; others start at `indent`.
-std::string wrapped(const std::string& text, size_t indent, size_t used) {
-  std::string result;
-  std::istringstream words(text);
-  bool is_first = true;
-  for (std::string word; words >> word; is_first = false) {
-    if (!is_first && used + 1 + word.size() > kColumns) {
-      result += "\n" + std::string(indent, ' ');
-      used = indent;
-    } else if (!is_first) {
-      result += " ";
-      ++used;
-    }
-    result += word;
-    used += word.size();
-  }
-  return result + "\n";
-}
-
 std::string line_of(const Row& row) {
   std::string line = row.letter ? str("  -", row.letter, ", ") : "      ";
   line += row.spelled();
@@ -120,6 +101,24 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes() {
       {kScansSkipped, "done, but some scans were skipped"},
       {kInterrupted, "interrupted (partial results are kept)"}};
   return codes;
+}
+
+std::string wrapped(const std::string& text, size_t indent, size_t used) {
+  std::string result;
+  std::istringstream words(text);
+  bool is_first = true;
+  for (std::string word; words >> word; is_first = false) {
+    if (!is_first && used + 1 + word.size() > kColumns) {
+      result += "\n" + std::string(indent, ' ');
+      used = indent;
+    } else if (!is_first) {
+      result += " ";
+      ++used;
+    }
+    result += word;
+    used += word.size();
+  }
+  return result + "\n";
 }
 
 int run(const Command& command, const std::string& path, const Arguments& arguments) {

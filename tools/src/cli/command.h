@@ -24,6 +24,10 @@ enum ExitCode {
 
 const std::vector<std::pair<ExitCode, const char*>>& exit_codes();
 
+/// Fills lines of a terminal. The first one continues one of `used` columns; others start at
+/// `indent`. Ends with a line end.
+std::string wrapped(const std::string& text, size_t indent, size_t used);
+
 /// What a command does after its options are parsed. Returns an ExitCode, or throws Error.
 using Action = std::function<int()>;
 
@@ -74,7 +78,7 @@ Command train_command();
 Command calibrate_command();
 Command loops_command();
 Command map_command();
-Command map_remove_command();
+Command map_build_command();
 Command eval_command();
 Command report_command();
 Command models_command();

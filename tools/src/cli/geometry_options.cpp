@@ -3,7 +3,7 @@
 #include <cmath>
 #include <iostream>
 
-#include "cli/table.h"
+#include "cli/terminal.h"
 #include "revisit/base/text.h"
 
 namespace revisit::cli {

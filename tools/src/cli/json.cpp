@@ -6,7 +6,6 @@
 #include <memory>
 #include <vector>
 
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
@@ -51,12 +50,6 @@ std::string printed(const Message& given, JsonPrintOptions options) {
   return text;
 }
 
-/// First line, because protobuf draws the position below.
-std::string reason_of(const google::protobuf::util::Status& status) {
-  const std::string message(status.message());
-  return message.substr(0, message.find('\n'));
-}
-
 }  // namespace
 
 std::string to_json(const google::protobuf::Message& report) {
@@ -85,16 +78,6 @@ void print_report(const std::string& format, const google::protobuf::Message& re
     table.print(std::cout);
 }
 
-google::protobuf::Struct read_json(const std::filesystem::path& file) {
-  google::protobuf::Value value;
-  const auto status = google::protobuf::util::JsonStringToMessage(read_content(file), &value);
-  if (!status.ok()) throw InputError(file.string(), ": not valid JSON: ", reason_of(status));
-  if (value.has_struct_value()) return value.struct_value();
-  google::protobuf::Struct wrapped;
-  (*wrapped.mutable_fields())[""] = value;
-  return wrapped;
-}
-
 void read_report(const std::filesystem::path& file, google::protobuf::Message* report) {
   parse_report(read_content(file), file.string(), report);
 }
@@ -104,9 +87,10 @@ void parse_report(const std::string& text, const std::string& name,
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
   const auto status = google::protobuf::util::JsonStringToMessage(text, report, options);
-  if (!status.ok())
+  const std::string reason(status.message());
+  if (!status.ok())  // protobuf draws the position below the first line
     throw InputError(name, ": not the ", report->GetDescriptor()->name(),
-                     " that revisit writes: ", reason_of(status));
+                     " that revisit writes: ", reason.substr(0, reason.find('\n')));
 }
 
 }  // namespace revisit::cli

@@ -1,14 +1,15 @@
 #pragma once
 
-#include <google/protobuf/message.h>
-#include <google/protobuf/struct.pb.h>
-
 #include <filesystem>
 #include <string>
 
-#include "cli/table.h"
+namespace google::protobuf {
+class Message;
+}
 
 namespace revisit::cli {
+
+class Table;
 
 /// Indented JSON with the field names of reports.proto. Omits unset optional fields.
 std::string to_json(const google::protobuf::Message& report);
@@ -22,9 +23,6 @@ void write_json(const std::filesystem::path& file, const google::protobuf::Messa
 /// Prints a report as "table", "json" or "csv"; `table` holds the same content.
 void print_report(const std::string& format, const google::protobuf::Message& report,
                   const Table& table);
-
-/// Reads a JSON file. A top-level list has the key "". Throws InputError.
-google::protobuf::Struct read_json(const std::filesystem::path& file);
 
 /// Reads output of to_json() and ignores unknown fields. Throws InputError.
 void read_report(const std::filesystem::path& file, google::protobuf::Message* report);

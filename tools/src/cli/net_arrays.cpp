@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "cli/options.h"
-#include "cli/table.h"
+#include "cli/terminal.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
@@ -17,6 +17,8 @@
 #include "revisit/proto/weights_file.h"
 
 namespace revisit::cli {
+
+namespace {
 
 Mean read_mean(const std::filesystem::path& file) {
   constexpr std::string_view kNpyMagic = "\x93NUMPY";
@@ -42,6 +44,8 @@ Mean read_mean(const std::filesystem::path& file) {
   if (shape.size() == 3) mean.h = shape[1], mean.w = shape[2];
   return mean;
 }
+
+}  // namespace
 
 Mean parse_mean_option(const std::string& option, const std::string& text) {
   const bool are_numbers = text.find_first_not_of("0123456789.,+-eE") == std::string::npos;

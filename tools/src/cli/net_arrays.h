@@ -18,10 +18,8 @@ struct Mean {
   std::vector<float> values;  // [channels][h][w]
 };
 
-/// Reads .npy (`[c]`, `[c][h][w]`, `[1][c][h][w]`) or .binaryproto, by content. Throws InputError.
-Mean read_mean(const std::filesystem::path& file);
-
-/// Reads a file, or numbers as in `--mean 104,117,123`: one per channel, or one for all.
+/// Reads a file, .npy (`[c]`, `[c][h][w]`, `[1][c][h][w]`) or .binaryproto, or numbers as in
+/// `--mean 104,117,123`: one per channel, or one for all.
 Mean parse_mean_option(const std::string& option, const std::string& text);
 
 std::vector<double> channel_means(const Mean& mean);

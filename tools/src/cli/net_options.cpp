@@ -1,11 +1,13 @@
 #include "net_options.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <functional>
 #include <map>
 
 #include "caffe_schema.pb.h"
 #include "cli/terminal.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::cli {
 namespace {
@@ -180,6 +182,18 @@ void declare_accuracy(Options& options, bool* strict) {
       "rounding of convolutions: default, or strict (no more than Caffe's, and exact denormals, "
       "below 1.2e-38; slower) (default default)",
       strict);
+}
+
+std::vector<std::string> slow_settings() {
+  std::vector<std::string> warnings;
+  if (const std::string faster = engine::faster_blas_core(); !faster.empty())
+    warnings.push_back(str("OpenBLAS uses its ", engine::blas_core(), " kernels, this CPU can run ",
+                           faster, ", which are several times faster; unset OPENBLAS_CORETYPE or ",
+                           "set it to ", faster));
+  if (std::getenv("OPENBLAS_L2_SIZE"))
+    warnings.emplace_back(
+        "OPENBLAS_L2_SIZE is set, so OpenBLAS may block for another cache size; unset it");
+  return warnings;
 }
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {

@@ -57,6 +57,9 @@ void declare_precision(Options& options, engine::Precision* precision);
 
 void declare_accuracy(Options& options, bool* strict);
 
+/// Warnings of variables of the environment that slow OpenBLAS down.
+std::vector<std::string> slow_settings();
+
 enum class NoWeights { kRefuse, kRandom, kNone };
 
 /// Prints warnings of the net to standard error.

@@ -134,7 +134,8 @@ std::vector<std::string> Row::possible_words() const {
 
 Paths Row::possible_paths() const {
   Paths paths = is_path ? Paths::kFiles : Paths::kNone;
-  for (const std::string& word : split(is_argument ? name : metavar, '|')) {
+  for (std::string word : split(is_argument ? name : metavar, '|')) {
+    word.resize(std::min(word.find('['), word.size()));  // DIR[,DIR]
     if (word == "DIR") paths = Paths::kFolders;
     if (word == "FILE") paths = Paths::kFiles;
   }
@@ -267,9 +268,8 @@ Options& Options::check(std::function<void()> check) {
   return *this;
 }
 
-Options& Options::config(ConfigReader reader, std::vector<std::string> others) {
+Options& Options::config(ConfigReader reader) {
   config_reader_ = std::move(reader);
-  config_others_ = std::move(others);
   group("Configuration:", false);
   return option(kConfig, "FILE", "YAML file of option names and values", &config_files_, 'c');
 }
@@ -312,12 +312,8 @@ void Options::read_config_file() {
   if (config_files_.size() > 1)
     throw UsageError("--config: expected at most one, found ", joined(config_files_, " and "));
   for (const fs::path& file : config_files_)
-    for (const auto& [name, value] : config_reader_(file)) {
-      if (std::ranges::count(rows_, name, &Row::name) == 0 &&
-          std::ranges::count(config_others_, name) > 0)
-        continue;
+    for (const auto& [name, value] : config_reader_(file))
       set(find(file.string(), name), Source::kConfigFile, file.string() + ": " + name, value);
-    }
 }
 
 void Options::read_environment() {

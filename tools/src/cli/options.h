@@ -65,7 +65,7 @@ struct Row {
 ///
 /// Order of precedence: default < config file < environment < command line. Config files use long
 /// names, the environment uses `REVISIT_<LONG_NAME>`. $REVISIT_MODELS is not an option: it is the
-/// folder of fetched models (models/cache.h). A repeatable option takes the values of the last
+/// folder of fetched models (models/models.h). A repeatable option takes the values of the last
 /// source that has any.
 class Options {
  public:
@@ -152,8 +152,8 @@ class Options {
   /// Values by long option name. Called with the path of `--config`, before the command line.
   using ConfigReader =
       std::function<std::vector<std::pair<std::string, std::string>>(const std::filesystem::path&)>;
-  /// Adds `-c/--config FILE`. Keys in `others`, options of another command, are ignored.
-  Options& config(ConfigReader reader, std::vector<std::string> others = {});
+  /// Adds `-c/--config FILE`.
+  Options& config(ConfigReader reader);
 
   /// kRun: the command runs. kList: a list was printed instead.
   enum class Parsed { kRun, kList, kHelp, kHelpAll };
@@ -230,7 +230,6 @@ class Options {
   std::vector<Row> rows_;
   std::vector<std::function<void()>> checks_;
   ConfigReader config_reader_;
-  std::vector<std::string> config_others_;
   std::vector<std::filesystem::path> config_files_;
   Arguments arguments_;
 };

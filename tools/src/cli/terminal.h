@@ -3,10 +3,12 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <iosfwd>
 #include <memory>
 #include <ostream>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace revisit::cli {
 
@@ -70,5 +72,24 @@ class Progress {
 void watch_for_interrupt();
 
 bool interrupted();
+
+class Table {
+ public:
+  explicit Table(std::vector<std::string> header);
+  void row(std::vector<std::string> cells);
+  /// Pads columns, aligns numbers right, and makes cells printable().
+  void print(std::ostream& out) const;
+  /// RFC 4180 comma-separated values, header first; the exact bytes.
+  void print_csv(std::ostream& out) const;
+
+ private:
+  std::vector<std::vector<std::string>> rows_;  // rows_[0] is the header
+};
+
+/// "" for NaN (not computed).
+std::string number(double value, int digits);
+
+/// `format`: of strftime().
+std::string local_time(const char* format);
 
 }  // namespace revisit::cli

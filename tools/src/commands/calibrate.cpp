@@ -1,9 +1,8 @@
 #include <algorithm>
-#include <deque>
 #include <iostream>
+#include <iterator>
 
 #include "cli/command.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "eval/feature_options.h"
 #include "loops/labeled_matches.h"
@@ -19,13 +18,12 @@ constexpr double kLeastShare = 1e-6;  // of correct matches
 struct CalibrateOptions {
   fs::path model, weights, output;
   std::vector<fs::path> drives;
-  std::string sequence, exclusion = "frames=50";
-  std::string every = "1";
+  std::string exclusion = "frames=50", every = "1";
   int augmentations = 1;
   uint32_t seed = 1;
   double radius = 5, match_prior = 0.1, precision = RecognizerOptions().target_precision;
   bool evaluate = false;
-  FeatureOptions running;  // only threads and progress
+  FeatureOptions running;  // only threads, progress and sequence
 
   void declare(Options& options);
 };
@@ -38,8 +36,9 @@ void CalibrateOptions::declare(Options& options) {
       .flag("evaluate", "evaluation of the model's calibration on these drives; nothing is written",
             &evaluate)
       .group("Data:")
-      .option("sequence", "NAME", "sequence of a data set that has several: 00, scene-0061, Ouster",
-              &sequence)
+      .option("sequence", "NAME",
+              "sequence of a data set that has several (00, scene-0061, Ouster); topic of a bag",
+              &running.sequence)
       .option("every", "N[,...]",
               "frame stride; several strides evaluate every drive at each of them (default 1)",
               &every)
@@ -70,51 +69,42 @@ void CalibrateOptions::declare(Options& options) {
   running.declare_threads(options);
 }
 
-std::vector<int> spacings_of(const CalibrateOptions& o) {
-  std::vector<int> spacings;
+std::vector<int> strides_of(const CalibrateOptions& o) {
+  std::vector<int> strides;
   for (const std::string& one : comma_separated(o.every))
-    spacings.push_back(parse_value<int>("--every", one));
-  if (spacings.empty() || std::ranges::min(spacings) < 1)
+    strides.push_back(parse_value<int>("--every", one));
+  if (strides.empty() || std::ranges::min(strides) < 1)
     throw UsageError("--every: expected numbers of at least 1, found '", o.every, "'");
-  return spacings;
+  return strides;
 }
 
-/// Each drive starts with an empty map.
+/// Matches of each drive. At each of its strides the map is empty at the start.
 std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions& o,
-                                                         const std::string& sensor,
+                                                         const std::vector<Dataset>& drives,
                                                          const FeatureExtractor& rings, Score score,
-                                                         std::string& names, int64_t& skipped) {
-  const std::vector<int> spacings = spacings_of(o);
-  LabelingOptions how;
-  how.exclusion = parse_exclusion(o.exclusion);
-  how.rule = rule_of(o.radius);
-  how.augmentations = o.augmentations;
-  how.seed = uint64_t{o.seed} << 32;
-  how.skipped = [&skipped](const std::string& why) {
-    ++skipped;
-    warn_skipped(why);
-  };
-  how.stop = interrupted;
+                                                         int64_t& skipped) {
+  const std::vector<int> strides = strides_of(o);
+  LabelingOptions how{.exclusion = parse_exclusion(o.exclusion),
+                      .rule = rule_of(o.radius),
+                      .augmentations = o.augmentations,
+                      .seed = uint64_t{o.seed} << 32,
+                      .skipped = &skipped};
   std::vector<std::vector<LabeledMatch>> all;
   const Observer observer = o.running.observer();
-  for (const fs::path& data : o.drives) {
-    FeatureOptions options = o.running;
-    options.data = data;
-    options.sequence = o.sequence;
-    const Dataset drive = open_scans(options, true);
-    if (!o.running.quiet) warn_of_other_sensor(drive, sensor);
-    std::deque<PlaceRecognizer> recognizers;
-    std::vector<SpacedRecognizer> spaced;
-    for (const int every : spacings)
-      spaced.push_back(
-          {&recognizers.emplace_back(rings, RecognizerOptions{.score = score}), every});
-    how.done = observer.stage("evaluating", "scans");
-    all.push_back(labeled_matches(drive, spaced, how));
-    how.seed += uint64_t{1} << 24;  // more seeds than a drive has scans
-    names += str(names.empty() ? "" : ", ", drive.scans.size(), " scans of ", drive.name,
-                 drive.sequence.empty() ? "" : "/" + drive.sequence);
+  for (Dataset drive : drives) {
+    all.emplace_back();
+    const std::vector<ScanRef> scans = std::move(drive.scans);
+    for (const int every : strides) {
+      drive.scans.clear();
+      std::ranges::copy_if(scans, std::back_inserter(drive.scans),
+                           [&](const ScanRef& scan) { return scan.frame % every == 0; });
+      PlaceRecognizer recognizer(rings, {.score = score});
+      how.done = observer.stage("evaluating", "scans");
+      const std::vector<LabeledMatch> matches = labeled_matches(drive, recognizer, how);
+      all.back().insert(all.back().end(), matches.begin(), matches.end());
+      how.seed += uint64_t{1} << 24;  // more seeds than a drive has scans
+    }
   }
-  if (o.every != "1") names += ", every " + o.every;
   return all;
 }
 
@@ -169,10 +159,13 @@ int calibrate(const CalibrateOptions& o) {
                      ": the model has no calibration to evaluate; calibrate it first");
   const FeatureExtractor rings =
       ring_recognizer(model, ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
-  std::string names;
+  std::vector<Dataset> drives;
+  for (const fs::path& data : o.drives)
+    drives.push_back(open_drive(o.running, data, model.sensor, true));
+  const std::string names = names_of(drives) + (o.every == "1" ? "" : ", every " + o.every);
   int64_t skipped = 0;
   const Score score = o.evaluate ? model.calibration->score : Score::kDistinctMargin;
-  const auto of_drives = matches_of_drives(o, model.sensor, rings, score, names, skipped);
+  const auto of_drives = matches_of_drives(o, drives, rings, score, skipped);
   std::vector<LabeledMatch> matches;
   for (const std::vector<LabeledMatch>& drive : of_drives)
     matches.insert(matches.end(), drive.begin(), drive.end());

@@ -1,62 +1,53 @@
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
+#include <iomanip>
 #include <iostream>
+#include <numbers>
+#include <set>
 #include <thread>
 
-#include "caffe_schema.pb.h"
 #include "cli/built_in.h"
 #include "cli/command.h"
 #include "cli/geometry_options.h"
-#include "commands/doctor_data.h"
+#include "cli/net_options.h"
+#include "cli/terminal.h"
+#include "eval/feature_options.h"
 #include "loops/recording.h"
-#include "models/cache.h"
-#include "models/fetch.h"
-#include "revisit/base/error.h"
-#include "revisit/base/hash.h"
+#include "models/models.h"
+#include "revisit/base/files.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/engine/machine.h"
-#include "revisit/engine/net.h"
+#include "revisit/recognition/align.h"
 #include "revisit/recognition/optional_library.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
 
+/// A line, and below it the advice, if there is one.
+void print_finding(const std::string& name, const std::string& found,
+                   const std::string& advice = "") {
+  std::cout << "  " << std::left << std::setw(18) << name << found << "\n";
+  if (!advice.empty()) std::cout << std::string(20, ' ') << "-> " << advice << "\n";
+}
+
 std::vector<float> output_of(const engine::Net& net, bool reference_kernels) {
-  const engine::Shape input{1, 3, 67, 131};  // small, and no multiple of any block size
-  engine::Run run(net.plan({{"data", input}}, {.reference_kernels = reference_kernels}));
+  const engine::Shape input{1, net.inputs().at(0).shape[1], 67,
+                            131};  // no multiple of a block size
+  const std::string& name = net.inputs()[0].name;
+  engine::Run run(net.plan({{name, input}}, {.reference_kernels = reference_kernels}));
   size_t i = 0;
-  for (float& value : run.input("data").values()) value = static_cast<float>(i++ * 37 % 256) - 128;
+  for (float& value : run.input(name).values()) value = static_cast<float>(i++ * 37 % 256) - 128;
   run.forward();
   const auto output = run.output(net.outputs().at(0)).values();
   return {output.begin(), output.end()};
 }
 
-/// AlexNet's layers to conv3 and pool5, with weights in [-1, 1).
-engine::Net test_net() {
-  const std::string prototxt = models::own_net("alexnet");
-  caffe::NetParameter weights;
-  const auto add = [&](const char* layer, std::initializer_list<int64_t> shape) {
-    caffe::LayerParameter& out = *weights.add_layer();
-    out.set_name(layer);
-    for (const auto& dims : {std::vector(shape), {*shape.begin()}}) {  // weights, bias
-      caffe::BlobProto& blob = *out.add_blobs();
-      blob.mutable_shape()->mutable_dim()->Add(dims.begin(), dims.end());
-      for (int64_t i = 0; i < engine::Shape(dims).elements(); ++i)
-        blob.add_data(static_cast<float>(2 * unit_number(1, static_cast<uint64_t>(i)) - 1));
-    }
-  };
-  add("conv1", {96, 3, 11, 11});
-  add("conv2", {256, 48, 5, 5});
-  add("conv3", {384, 256, 3, 3});
-  return engine::Net::load_from_memory(prototxt, weights.SerializeAsString(),
-                                       {.end = "conv3", .graft = "pool5"});
-}
-
-/// max|fast - reference| / max|reference|, or NaN if an output is NaN.
+/// max|fast - reference| / max|reference| of the ring descriptors' network; NaN if an output is.
 double deviation_from_reference() {
-  const engine::Net net = test_net();
+  const engine::Net net = ring_net(shipped_ring_model("hdl64"));
   const std::vector<float> fast = output_of(net, false), reference = output_of(net, true);
   double difference = 0, largest = 0;
   for (size_t i = 0; i < reference.size(); ++i) {
@@ -74,7 +65,7 @@ bool self_test() {
     const double deviation = deviation_from_reference();
     const bool good = deviation <= kTolerance;
     print_finding(
-        "self-test", str("AlexNet's first layers, fast kernels against the reference: ", deviation),
+        "self-test", str("a network by fast kernels against the reference: ", deviation),
         good ? "" : "networks compute wrong results on this machine; please report this output");
     return good;
   } catch (const std::exception& error) {
@@ -102,29 +93,10 @@ bool print_program() {
 /// Value of a line "key : value", or "".
 std::string value_in(const char* file, const std::string& key) {
   std::ifstream in(file);
-  for (std::string line; std::getline(in, line);) {
-    const size_t colon = line.find(':');
-    if (colon == std::string::npos || !line.starts_with(key)) continue;
-    const size_t begin = line.find_first_not_of(" \t", colon + 1);
-    return begin == std::string::npos ? "" : line.substr(begin);
-  }
+  for (std::string line; std::getline(in, line);)
+    if (line.starts_with(key))
+      return line.substr(std::min(line.find_first_not_of(" \t", line.find(':') + 1), line.size()));
   return "";
-}
-
-void print_blas() {
-  const char* const forced = std::getenv("OPENBLAS_CORETYPE");  // by the user, or by main.cpp
-  const std::string faster = engine::faster_blas_core();
-  const char* const remedy = forced ? "unset OPENBLAS_CORETYPE" : "export OPENBLAS_CORETYPE=";
-  print_finding("OpenBLAS",
-                str("kernels for ", engine::blas_core(),
-                    forced ? str(", by OPENBLAS_CORETYPE=", forced) : ""),
-                faster.empty()
-                    ? ""
-                    : str("this CPU supports the kernels for ", faster,
-                          ", which are several times faster; ", remedy, forced ? "" : faster));
-  if (const char* size = std::getenv("OPENBLAS_L2_SIZE"))
-    print_finding("OPENBLAS_L2_SIZE", size,
-                  "unset it, because it overrides the detected cache size");
 }
 
 void print_machine() {
@@ -134,65 +106,199 @@ void print_machine() {
   print_finding("SIMD", "kernels use " + simd,
                 simd.starts_with("SSE") ? "networks run several times slower than with AVX2" : "");
   print_finding("processors", str(std::thread::hardware_concurrency()));
-  print_blas();
+  print_finding("OpenBLAS", "kernels for " + engine::blas_core(), joined(slow_settings(), "; "));
   print_finding("memory", value_in("/proc/meminfo", "MemAvailable") + " available");
   std::error_code error;
-  constexpr double kGigabyte = 1e9;
-  const auto free = static_cast<double>(fs::space(".", error).available);
-  print_finding("disk",
-                error ? error.message() : str(std::round(free / kGigabyte), " GB free here"));
+  const double free = static_cast<double>(fs::space(".", error).available) / 1e9;
+  print_finding("disk", error ? error.message() : str(std::round(free), " GB free here"));
 }
 
-/// The state of a model, for files that are cached or partial.
-bool print_model(const models::KnownModel& model, const fs::path& cache,
-                 const std::map<std::string, fs::path>& loose) {
-  using models::CacheState;
-  const models::CacheEntry entry = models::inspect(cache, model, loose);
-  if (entry.state == CacheState::kAbsent) return false;
-  const std::string fetch = models::how_to_get(model, cache);
-  print_finding(model.name, str(models::to_string(entry.state), ", ", entry.file.string()),
-                entry.state == CacheState::kPartial     ? fetch
-                : entry.state == CacheState::kIncorrect ? "remove it; " + fetch
-                                                        : "");
-  return entry.state == CacheState::kVerified || entry.state == CacheState::kUnverified;
-}
-
-void print_models() {
+void print_model() {
   std::cout << "\nmodels\n";
   try {
-    const fs::path cache = models::cache_folder();
-    const auto loose = models::loose_weights(cache);
-    bool any = false;
-    for (const models::KnownModel& model : models::known_models())
-      any |= print_model(model, cache, loose);
-    if (!any)
-      print_finding(
-          "trained network", str("none in ", cache.string()),
-          "'revisit models fetch bvlc_alexnet', or give --model and --weights; to try the "
-          "machinery: 'revisit models make-random -o DIR'");
+    const models::FoundModel found = models::find_model({});
+    print_finding("network", str(found.name, ", ", found.weights.string()));
   } catch (const Error& error) {
-    print_finding("cache", error.what());
+    print_finding("network", "none for commands without --model", error.what());
   }
+}
+
+std::string plural(size_t count, const char* what) {
+  return str(count, " ", what, count == 1 ? "" : "s");
+}
+
+/// "7 places with 77 scans", or "12 scans, 4541 poses, no times".
+std::string content_of(const Dataset& data) {
+  const std::string scans = plural(data.scans.size(), "scan");
+  if (!data.has_places())
+    return str(scans, ", ",
+               data.n_poses ? plural(static_cast<size_t>(data.n_poses), "pose") : "no poses", ", ",
+               data.scans[0].time ? "times" : "no times");
+  std::set<std::string> places;
+  for (const ScanRef& scan : data.scans) places.insert(scan.place);
+  return plural(places.size(), "place") + " with " + scans;
+}
+
+/// Throws InputError if there is no such data.
+void print_sequence(const fs::path& root, const std::string& sequence) {
+  const Dataset data = open_dataset(root, sequence);
+  std::string found = content_of(data);
+  std::vector<std::string> advice = data.warnings;
+  const auto empty = std::ranges::count_if(data.scans, [](const ScanRef& scan) {
+    std::error_code error;
+    return fs::file_size(scan.file, error) == 0 && !error;
+  });
+  if (empty > 0)
+    advice.push_back(plural(static_cast<size_t>(empty), "scan file") +
+                     " empty; copy the data set again");
+  const bool is_drive = !data.has_places() && !data.sequence.empty();
+  if (is_drive && !data.has_poses())
+    advice.emplace_back("no ground truth, so evaluation is not possible");
+  const fs::path images = data.scans[0].file.parent_path().parent_path() / "image_0";
+  if (is_drive && fs::is_directory(images)) try {
+      found += ", " + plural(camera_images(data).scans.size(), "image");
+    } catch (const InputError& error) {
+      advice.emplace_back(error.what());
+    }
+  print_finding(
+      data.sequence.empty() ? "scans" : (data.has_places() ? "set " : "sequence ") + data.sequence,
+      found, joined(advice, "; "));
+}
+
+/// Prints sequences of KITTI, sets of places, or a folder of scans. Returns whether any is usable.
+bool print_data(const fs::path& root) {
+  std::error_code none;
+  const bool kitti = fs::is_directory(root / "sequences", none);
+  std::string problem =
+      "no usable sequence; put scans into sequences/NN/velodyne/000000.bin and on";
+  if (!kitti) try {
+      print_sequence(root, "");
+      return true;
+    } catch (const InputError& error) {
+      problem = error.what();
+    }
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(kitti ? root / "sequences" : root, none))
+    if (entry.is_directory(none)) names.insert(entry.path().filename());
+  bool any = false;
+  for (const std::string& name : names) try {
+      print_sequence(root, name);
+      any = true;
+    } catch (const InputError& error) {
+      if (kitti) print_finding("sequence " + name, "unusable", error.what());
+    }
+  if (!any) print_finding(root.string(), "unusable", problem);
+  return any;
+}
+
+/// Throws what read_recording() throws.
+void print_recording(const fs::path& file) {
+  const Dataset data = headers_of({.data = file});
+  if (data.scans.empty()) throw InputError(file.string(), ": there are no scans");
+  print_finding("recording", content_of(data));
+}
+
+/// Prints the alignment. Returns the rotation. Throws InputError without a direction.
+Eigen::Matrix3f align_scan(const PointCloud& cloud, const std::string& align) {
+  print_finding("alignment", align);
+  if (align == "none") return Eigen::Matrix3f::Identity();
+  const Alignment found =
+      principal_alignment(cloud, align == "case2" ? AlignCase::kTwo : AlignCase::kOne);
+  print_finding(
+      "yaw [deg]", number(double{found.yaw} * 180 / std::numbers::pi, 2),
+      found.mirrored_choice ? "t22 < 0: the paper's case 1 would need a mirror image" : "");
+  // Principal directions of nearby scans differ by some degrees, which can flip a small |t11|.
+  constexpr float kRoundCloud = 1.1F, kNearSignChange = 0.1F;
+  print_finding("eigenvalue ratio", number(found.eigenvalue_ratio, 2),
+                found.eigenvalue_ratio < kRoundCloud
+                    ? "near 1: the principal direction is not determined"
+                    : "");
+  print_finding(
+      "|t11|", number(found.abs_t11, 3),
+      found.abs_t11 < kNearSignChange ? "near 0: the direction may flip by 180 degrees" : "");
+  return found.R_aligned_sensor;
+}
+
+std::string percent(double fraction) {
+  return number(100 * fraction, 1) + " %";
+}
+
+std::string filled(const RangeImage& image) {
+  const auto n = static_cast<double>(image.pixels.size());
+  return percent(1 - static_cast<double>(std::ranges::count(image.pixels, 0.0F)) / n);
 }
 
 struct DoctorOptions {
-  std::optional<fs::path> data;
-  ScanView scan;
+  std::optional<fs::path> data, images;  // images: folder of the PNG files
+  std::string align = "case1";
+  double gamma = 1;
+  GeometryOptions geometry;
 
   void declare(Options& options) {
-    options.argument("DATA", &data).optional();
-    scan.declare(options);
+    options.argument("DATA", &data)
+        .optional()
+        .group("Range image of a scan:")
+        .option("images", "DIR",
+                "folder for the input of a network as PNG, before hole closing "
+                "(NAME_projected.png) and after (NAME_closed.png)",
+                &images)
+        .choice("align", {"none", "case1", "case2"}, "alignment of the scan (default case1)",
+                &align)
+        .option("gamma", "G",
+                "gamma correction of the PNG files for viewing, 255 (v / 255)^(1 / G); the "
+                "network's input has G = 1 (default 1)",
+                &gamma)
+        .positive()
+        .needs("images");
+    geometry.declare(options);
   }
 };
+
+/// Brightens the image by `gamma`, because most ranges are a small fraction of the largest.
+void write_image(const DoctorOptions& o, const std::string& name, RangeImage image) {
+  for (float& pixel : image.pixels)
+    pixel = static_cast<float>(255 * std::pow(double{pixel} / 255, 1 / o.gamma));
+  make_folder(*o.images);
+  const std::string file = (*o.images / str(o.data->stem().string(), "_", name, ".png")).string();
+  write_gray_png(file, gray_of(image));
+  print_finding(name, file);
+}
+
+/// Prints points, alignment and range image. Throws InputError if the scan cannot be read or
+/// aligned.
+void print_scan(DoctorOptions& o) try {
+  const PointCloud cloud = read_scan(*o.data);
+  const std::string sensor = o.geometry.resolve({cloud});
+  const ImageGeometry geometry = o.geometry.geometry();
+  print_finding("scan", o.data->string());
+  print_finding("image", str(geometry.width, " x ", geometry.height, ", ", o.geometry.sensor));
+  if (!sensor.empty()) print_finding("sensor", sensor);
+  print_finding("points", str(cloud.points.size()));
+  print_finding("usable points", str(std::ranges::count_if(cloud.points, is_return)));
+  RangeImage projected;
+  project_rotated(cloud, align_scan(cloud, o.align), geometry, projected);
+  const double outside = projected.outside_share();
+  print_finding("outside", percent(outside),
+                outside > kManyOutside ? points_outside(outside, geometry, cloud) : "");
+  const RangeImage closed = close_holes(projected, geometry);
+  print_finding("pixels hit", filled(projected));
+  print_finding("after closing", filled(closed));
+  if (!o.images) return;
+  write_image(o, "projected", projected);
+  write_image(o, "closed", closed);
+} catch (const InputError& error) {
+  const std::string what = error.what(), file = o.data->string();
+  throw InputError(what.starts_with(file) ? what : str(file, ": ", what));
+}
 
 int examine(DoctorOptions& o) {
   std::error_code none;
   const bool recorded = o.data && is_recording(*o.data);
   if (o.data && !recorded && fs::is_regular_file(*o.data, none)) {
-    print_scan(*o.data, o.scan);
+    print_scan(o);
     return kOk;
   }
-  if (o.scan.images) throw UsageError("--images: expected a scan file as DATA");
+  if (o.images) throw UsageError("--images: expected a scan file as DATA");
   if (recorded) {
     print_recording(*o.data);
     return kOk;
@@ -200,7 +306,7 @@ int examine(DoctorOptions& o) {
   if (o.data) return print_data(*o.data) ? kOk : kCheckFailed;
   const bool ok = print_program();
   print_machine();
-  print_models();
+  print_model();
   return ok ? kOk : kCheckFailed;
 }
 

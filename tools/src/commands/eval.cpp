@@ -1,12 +1,14 @@
 #include <algorithm>
+#include <cmath>
 #include <iostream>
+#include <map>
 
 #include "cli/command.h"
 #include "cli/json.h"
 #include "cli/shell.h"
-#include "cli/table.h"
+#include "cli/terminal.h"
+#include "eval/evaluation.h"
 #include "eval/plan.h"
-#include "eval/print_results.h"
 #include "eval/run_folder.h"
 #include "report/report.h"
 #include "revisit/base/error.h"
@@ -15,6 +17,172 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
+
+std::string interval(const std::array<double, 2>& i) {
+  return std::isnan(i[0]) ? "" : number(i[0], 3) + "-" + number(i[1], 3);
+}
+
+void print_loops(std::ostream& out, const AcceptedLoops& loops) {
+  out << "accepted by default (score >= " << number(loops.threshold, 3) << "): " << loops.correct
+      << " correct, " << loops.ignored << " ignored, " << loops.incorrect << " incorrect";
+  if (loops.unlabeled > 0) out << ", " << loops.unlabeled << " without ground truth";
+  out << "\n";
+}
+
+std::string fraction(int64_t part, int64_t whole) {
+  return whole ? str(part, "/", whole) : "";
+}
+
+/// A row per perturbation.
+void print_perturbed(std::ostream& out, const std::vector<TaskResult>& results) {
+  Table table({"perturbation", "self", "neighbor", "recall@1", "AP", "ratio", "minimum"});
+  for (const TaskResult& r : results)
+    table.row({text_of(r.perturbed->perturbation), fraction(r.perturbed->self, r.summary.n_queries),
+               fraction(r.perturbed->neighbor, r.summary.n_positives),
+               number(r.summary.recall_at_1, 3), number(r.summary.average_precision, 3),
+               number(r.perturbed->ratio_median, 2), number(r.perturbed->ratio_min, 2)});
+  table.print(out);
+  for (const TaskResult& r : results)
+    if (r.perturbed->skipped > 0)
+      out << text_of(r.perturbed->perturbation) << ": " << r.perturbed->skipped
+          << " perturbed scans could not be described; they count as missed\n";
+}
+
+void print_summary(std::ostream& out, const std::vector<TaskResult>& results, int resamples) {
+  Table table({"task", "database", "queries", "with a correct match", "AP", "F1 max",
+               "recall@100%P", "recall@1", "EP"});
+  for (const TaskResult& r : results) {
+    const PrSummary& s = r.summary;
+    table.row({r.task.name, str(r.task.stored.size()), str(s.n_queries), str(s.n_positives),
+               number(s.average_precision, 4), number(s.f1_max, 4),
+               number(s.max_recall_at_precision_1, 4), number(s.recall_at_1, 4),
+               number(s.extended_precision, 4)});
+    if (r.intervals)
+      table.row({"  95 %", "", "", "", interval(r.intervals->average_precision),
+                 interval(r.intervals->f1_max), interval(r.intervals->max_recall_at_precision_1),
+                 interval(r.intervals->recall_at_1), interval(r.intervals->extended_precision)});
+  }
+  table.print(out);
+  for (const TaskResult& r : results)
+    if (r.task.decides_on_pairs)
+      out << r.task.name << ": " << r.summary.n_pairs << " pairs, " << r.summary.n_correct_pairs
+          << " of them correct\n";
+  for (const TaskResult& r : results)
+    if (r.loops) print_loops(out, *r.loops);
+  if (resamples == 0 || results.empty()) return;
+  out << "95 %: confidence intervals from " << resamples << " block resamples of the queries (";
+  for (const TaskResult& r : results)
+    out << (&r == results.data() ? "" : ", ") << r.n_blocks << (results.size() > 1 ? " of " : "")
+        << (results.size() > 1 ? r.task.name : "");
+  out << (results.size() > 1 ? ")\n" : " blocks)\n");
+}
+
+void print_matches(std::ostream& out, const TaskResult& result, const Trajectory& trajectory,
+                   const std::string& similarity) {
+  constexpr size_t kHandful = 20;
+  if (result.matches.empty() || result.matches.size() > kHandful) return;
+  const auto frame = [&](int64_t scan) {
+    return str(trajectory.frames[static_cast<size_t>(scan)]);
+  };
+  const Distance kind = result.task.rule.distance;
+  const auto meters = [&](const Match& m) {
+    if (kind == Distance::kPairs) return std::string();
+    return number(distance_between(trajectory, m.query, m.ranks[0], kind), 1);
+  };
+  Table table({"query", "best", similarity, "next", similarity + " of next", "score",
+               "meters to best", "correct"});
+  for (size_t q = 0; q < result.matches.size(); ++q) {
+    const Match& m = result.matches[q];
+    const bool has_next = m.ranks.size() > 1;
+    table.row({frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
+               has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
+               number(m.score, 3), meters(m),
+               result.labels[q].correct    ? "yes"
+               : result.labels[q].ignored  ? "ignored"
+               : result.labels[q].positive ? "no (missed)"
+                                           : "no (no correct match)"});
+  }
+  out << "\n" << result.task.name << ":\n";
+  table.print(out);
+}
+
+/// Prints nothing if `names` is empty.
+void print_skipped(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans) {
+  if (names.empty()) return;
+  constexpr size_t kFew = 5;
+  out << names.size() << " of " << n_scans << " scans could not be described and were skipped: ";
+  for (size_t i = 0; i < std::min(names.size(), kFew); ++i) out << (i ? ", " : "") << names[i];
+  out << (names.size() > kFew ? ", ...\n" : "\n");
+}
+
+/// Metrics of all tasks, and the matches of tasks with few queries.
+void print_results(std::ostream& out, const FinishedEvaluation& evaluation, int resamples) {
+  const std::vector<TaskResult>& tasks = evaluation.result.tasks;
+  if (tasks.front().perturbed)
+    print_perturbed(out, tasks);
+  else
+    print_summary(out, tasks, resamples);
+  print_skipped(out, evaluation.skipped, evaluation.trajectory.size());
+  for (const TaskResult& result : tasks)
+    print_matches(out, result, evaluation.trajectory, similarity_name(evaluation.source));
+  if (evaluation.source.model && !evaluation.source.model->trained)
+    out << "\nThe network is UNTRAINED (random weights): results do not measure accuracy.\n";
+}
+
+std::string metric(bool there, double value) {
+  return there ? number(value, 3) : "";
+}
+
+std::string metric(bool there, double value, const google::protobuf::RepeatedField<double>& ci) {
+  std::string text = metric(there, value);
+  if (there && ci.size() == 2) text += " [" + number(ci[0], 2) + ", " + number(ci[1], 2) + "]";
+  return text;
+}
+
+std::vector<std::string> cells_of(const reports::ExperimentRun& run) {
+  const reports::Metrics& m = run.metrics();
+  return {run.panel(),
+          run.label(),
+          metric(m.has_average_precision(), m.average_precision(), m.average_precision_ci()),
+          metric(m.has_f1_max(), m.f1_max(), m.f1_max_ci()),
+          metric(m.has_max_recall_at_precision_1(), m.max_recall_at_precision_1()),
+          metric(m.has_recall_at_1(), m.recall_at_1(), m.recall_at_1_ci())};
+}
+
+void write_claims(const reports::Experiment& experiment, std::ostream& out) {
+  for (const reports::ExperimentClaim& claim : experiment.claims())
+    out << "- " << claim.panel() << ": " << claim.text() << ": "
+        << (claim.undecided() ? "undecided (each within the other's 95 % interval)"
+            : claim.holds()   ? "holds"
+                              : "does not hold")
+        << " (AP of " << claim.better() << " " << number(claim.better_average_precision(), 3)
+        << ", of " << claim.worse() << " " << number(claim.worse_average_precision(), 3) << ")\n";
+  if (experiment.claims_size()) out << "\n";
+}
+
+void write_skipped(const reports::Experiment& experiment, std::ostream& out) {
+  std::map<std::string, std::vector<std::string>> by_reason;
+  for (const reports::ExperimentRun& run : experiment.runs())
+    if (run.state() != "done") by_reason[run.reason()].push_back(run.panel() + " " + run.label());
+  for (const auto& [reason, labels] : by_reason) {
+    out << "Not run (" << reason << "): " << joined(labels, "; ") << ".\n\n";
+  }
+}
+
+void print_experiment(const reports::Experiment& experiment, std::ostream& out) {
+  out << "\n" << experiment.title() << "\n\n";
+  for (const std::string& note : experiment.notes()) out << note << "\n";
+  Table table({"sequence", "curve", "AP", "F1 max", "recall@100%P", "recall@1"});
+  bool any = false;
+  for (const reports::ExperimentRun& run : experiment.runs()) {
+    if (run.state() != "done") continue;
+    table.row(cells_of(run));
+    any = true;
+  }
+  if (any) table.print(out);
+  write_claims(experiment, out);
+  write_skipped(experiment, out);
+}
 
 void write_page(const fs::path& folder, const std::string& command) {
   PageOptions options;
@@ -37,9 +205,10 @@ void print_json(const FinishedEvaluation& evaluation) {
 
 void print_table(const FinishedEvaluation& evaluation, const EvalOptions& options) {
   const TaskResult& first = evaluation.result.tasks.front();
-  std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
-            << " dimensions), " << evaluation.trajectory.size() << " scans, "
-            << (evaluation.reduced ? "PCA fitted on " + first.pca_fit : "no PCA");
+  const FeatureExtractor& feature = evaluation.source.extractor;
+  std::cout << "feature " << feature.name << " (" << feature.dim << " dimensions), "
+            << evaluation.trajectory.size() << " scans, "
+            << (evaluation.source.components >= 0 ? "PCA fitted on " + first.pca_fit : "no PCA");
   if (const auto speed = frames_per_second(evaluation.result.describe_times))
     std::cout << ", " << number(*speed, 1) << " scans/s per thread";
   std::cout << "\n\n";
@@ -66,7 +235,7 @@ int run_evaluation(const EvalOptions& options) {
 
 int run_plan(const EvalOptions& options, const Arguments& arguments) {
   const fs::path page = options.output / "report.html";
-  if (!options.no_report) need_report(page, kHtmlMark, "move it away, or give --no-report");
+  if (!options.no_report) need_report(page, "move it away, or give --no-report");
   const std::string command = shell_command("revisit eval", arguments);
   const Experiments experiments = carry_out_plan(options, command);
   bool good = true;

@@ -6,12 +6,10 @@
 
 #include "cli/built_in.h"
 #include "cli/command.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "loops/labeled_matches.h"
 #include "loops/loop_writer.h"
-#include "loops/map_options.h"
-#include "loops/pose_options.h"
+#include "loops/open_recognizer.h"
 #include "loops/recognize.h"
 #include "loops/scan_stream.h"
 #include "revisit/loops/loop_outputs.h"
@@ -172,16 +170,13 @@ LoopDetectorOptions detector_options(const LoopsOptions& o) {
 /// none, uses that drive alone.
 Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
                        const std::string& sensor) {
-  FeatureOptions there = o.feature;
-  there.data = o.calibrate;
-  const Dataset dataset = open_scans(there, true);
-  if (!o.feature.quiet) warn_of_other_sensor(dataset, sensor);
+  const Dataset dataset = open_drive(o.feature, o.calibrate, sensor, true);
   PlaceRecognizer recognizer(source.extractor, source.options);
   LoopDetector detector(recognizer, detector_options(o));
   cli::Progress progress("calibrating", "scans", o.shows_progress());
   const MatchRule rule = rule_of(kCalibrationRadius);
   const std::vector<LabeledScore> matches = scores_by_place(
-      labeled_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
+      labeled_loops(dataset, detector, rule, !o.no_deskew, progress.callback()), rule);
   if (std::ranges::none_of(matches, &LabeledScore::correct))
     throw InputError(
         o.calibrate.string() +
@@ -309,7 +304,7 @@ class LoopRun {
     LoopSummary summary(o_.exclusion, detector_.threshold());
     std::vector<double> milliseconds;
     cli::Progress progress("recognizing", "scans", o_.shows_progress());
-    recognize(source_.next, detector_, !o_.no_deskew, interrupted, [&](const Visit& visit) {
+    recognize(source_.next, detector_, !o_.no_deskew, [&](const Visit& visit) {
       summary.add(visit.found);
       progress.update(summary.scans(), std::max(summary.scans(), source_.count));
       if (!visit.found.error.empty()) {

@@ -1,15 +1,11 @@
+#include "models/models.h"
+
 #include <iostream>
 
 #include "cli/command.h"
-#include "cli/json.h"
+#include "cli/net_options.h"
 #include "cli/options.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
-#include "models/cache.h"
-#include "models/fetch.h"
-#include "models/find_model.h"
-#include "models/random_model.h"
-#include "reports.pb.h"
 #include "revisit/base/text.h"
 
 namespace revisit::cli {
@@ -19,37 +15,9 @@ namespace fs = std::filesystem;
 
 constexpr double kMegabyte = 1e6;
 
-std::string cuts_text(const models::KnownModel& model) {
-  return joined(model.cuts, " ");
-}
-
 std::string size_text(const models::CacheEntry& entry) {
   if (entry.state == models::CacheState::kAbsent) return "";
   return number(static_cast<double>(entry.size) / kMegabyte, 1) + " MB";
-}
-
-void add_to_report(const models::KnownModel& model, const models::CacheEntry& entry,
-                   reports::KnownModels& report) {
-  reports::KnownModel& item = *report.add_models();
-  item.set_name(model.name);
-  item.set_state(models::to_string(entry.state));
-  item.set_file(entry.file.string());
-  if (entry.state != models::CacheState::kAbsent) item.set_bytes(static_cast<double>(entry.size));
-  if (!entry.sha1.empty()) item.set_sha1_found(entry.sha1);
-  if (!model.sha1.empty()) {
-    item.set_sha1(model.sha1);
-    item.set_sha1_source(model.sha1_source);
-  }
-  if (!model.address.empty()) item.set_address(model.address);
-  item.set_needs_browser(model.needs_browser);
-  item.set_prototxt(model.prototxt_address);
-  if (!model.own_net.empty()) item.set_own_prototxt(model.own_net);
-  item.set_license(model.license);
-  if (model.mean_bgr)
-    for (const double value : *model.mean_bgr) item.add_mean_bgr(value);
-  item.set_input_size(model.input_size);
-  for (const std::string& cut : model.cuts) item.add_cuts(cut);
-  item.set_notes(model.notes);
 }
 
 void print_found(const models::FoundModel& found) {
@@ -60,44 +28,36 @@ void print_found(const models::FoundModel& found) {
             << "\nmean BGR:  " << joined(found.mean_bgr, " ") << "\n";
 }
 
-void print_known(const std::string& format) {
+void print_known() {
   const fs::path cache = models::cache_folder();
-  reports::KnownModels report;
-  report.set_cache(cache.string());
   Table table({"model", "state", "size", "license", "input", "feature layers"});
   const auto loose = models::loose_weights(cache);
   for (const models::KnownModel& model : models::known_models()) {
     const models::CacheEntry entry = models::inspect(cache, model, loose);
-    add_to_report(model, entry, report);
     table.row({model.name, models::to_string(entry.state), size_text(entry), model.license,
-               str(model.input_size), cuts_text(model)});
+               str(model.input_size), joined(model.cuts, " ")});
   }
-  print_report(format, report, table);
-  if (format != "table") return;
+  table.print(std::cout);
   std::cout << "\n";
   try {
     print_found(models::find_model({}));
   } catch (const Error&) {
     std::cout << "no network for commands without --model\n";
   }
-  std::cout << "\ncache: " << cache.string()
-            << "\n'revisit models fetch NAME' downloads one; --format json prints addresses and "
-               "checksums.\n";
+  std::cout << "\ncache: " << cache.string() << "\n'revisit models fetch NAME' downloads one.\n";
 }
 
 struct ListOptions {
   std::optional<fs::path> model;
-  std::string format = "table";
 
   void declare(Options& options) {
     options.argument("MODEL", &model).optional().suggest(models::known_model_names());
-    options.format({"table", "json", "csv"}, &format);
   }
 };
 
 int list_models(ListOptions& o) {
   if (!o.model) {
-    print_known(o.format);
+    print_known();
     return kOk;
   }
   const std::string name = o.model->string();
@@ -113,7 +73,7 @@ Command list_command() {
           "match. With MODEL (a known model, a prototxt, a caffemodel, or a folder of both) prints "
           "the network that a command with this --model would use. The cache is $REVISIT_MODELS or "
           "~/.cache/revisit/models.",
-          "  revisit models list\n  revisit models list --format json\n"
+          "  revisit models list\n"
           "  revisit models list net/weights.caffemodel\n",
           with_options<ListOptions>(list_models)};
 }
@@ -130,6 +90,7 @@ void print_fetched(const models::KnownModel& model, const models::Fetched& fetch
     std::cout << "sha1 " << fetched.sha1 << ": not verified; an unofficial source has "
               << model.sha1 << " (" << model.sha1_source << ")\n";
   std::cout << "license: " << model.license << "\n";
+  if (!model.notes.empty()) std::cout << "notes: " << model.notes << "\n";
   if (fetched.file.string().ends_with(".tar.gz"))
     std::cout << "an archive; unpack it: tar -xzf '" << fetched.file.string()
               << "' --strip-components=1 -C '" << fetched.file.parent_path().string() << "'\n";

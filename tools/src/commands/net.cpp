@@ -5,7 +5,7 @@
 
 #include "cli/command.h"
 #include "cli/shell.h"
-#include "cli/table.h"
+#include "cli/terminal.h"
 #include "net_commands.h"
 #include "revisit/base/files.h"
 

@@ -6,7 +6,6 @@
 #include <set>
 
 #include "cli/net_arrays.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "net_commands.h"
 #include "revisit/base/files.h"
@@ -37,13 +36,29 @@ std::pair<std::string, fs::path> split_blob(const std::string& option, const std
 
 using Arrays = std::map<std::string, proto::Blob>;  // by blob name
 
-Arrays read_arrays(const std::vector<std::string>& inputs, const std::vector<std::string>& blobs) {
+/// Files of --input: arrays, and pictures by blob.
+struct Inputs {
   Arrays arrays;
-  for (const std::string& text : inputs) {
+  std::map<std::string, std::vector<fs::path>> pictures;
+};
+
+bool is_picture(const fs::path& file) {
+  const std::string head = read_head(file, 4);
+  return head == "\x89PNG" || head.starts_with("\xff\xd8");
+}
+
+Inputs read_inputs(const std::vector<std::string>& files, const std::vector<std::string>& blobs) {
+  Inputs inputs;
+  for (const std::string& text : files) {
     const auto [blob, file] = split_blob("--input", text, blobs);
-    arrays[blob] = proto::read_npy(file);
+    if (is_picture(file))
+      inputs.pictures[blob].push_back(file);
+    else
+      inputs.arrays[blob] = proto::read_npy(file);
+    if (inputs.pictures.contains(blob) && inputs.arrays.contains(blob))
+      throw UsageError("--input: '", blob, "' has an array and a picture");
   }
-  return arrays;
+  return inputs;
 }
 
 void subtract_means(const std::vector<std::string>& means, const std::vector<std::string>& blobs,
@@ -59,67 +74,52 @@ void subtract_means(const std::vector<std::string>& means, const std::vector<std
 }
 
 struct PictureOptions {
-  std::vector<std::string> files;  // [BLOB=]FILE
-  double scale = 1;
-  bool rgb = false;
+  std::optional<double> scale;
+  std::optional<bool> rgb;
 
   void declare([[maybe_unused]] Options& options) {
 #ifdef REVISIT_HAVE_PIPELINE
     options.group("Pictures:");
-    options.option("image", "[BLOB=]FILE",
-                   "PNG or JPEG for an input of 3 channels or 1 (gray), resized to its rows and "
-                   "columns; EXIF rotation "
-                   "is ignored; repeat for a batch",
-                   &files);
     options
-        .option(
-            "input-scale", "S",
-            "factor applied after the mean is subtracted, e.g. 0.00390625 for 0 to 1 (default 1)",
-            &scale)
-        .needs("image")
+        .option("input-scale", "S",
+                "factor of pictures after the mean is subtracted, e.g. 0.00390625 for 0 to 1 "
+                "(default 1)",
+                &scale)
         .positive();
-    options
-        .choice<bool>(
-            "channels", {{"bgr", false}, {"rgb", true}},
-            "order of the channels of --image and of --mean, which is not reordered (default bgr, "
-            "Caffe's)",
-            &rgb)
-        .needs("image");
+    options.choice<bool>(
+        "channels", {{"bgr", false}, {"rgb", true}},
+        "order of the channels of pictures and of --mean, which is not reordered (default bgr, "
+        "Caffe's)",
+        &rgb);
 #endif
   }
 
-  /// Resizes pictures to their input of `net`. Returns its blobs that have pictures.
-  std::vector<std::string> add([[maybe_unused]] const engine::Net& net,
-                               const std::vector<std::string>& blobs,
-                               [[maybe_unused]] Arrays* arrays) const {
-    std::map<std::string, std::vector<fs::path>> pictures;
-    for (const std::string& text : files) {
-      const auto [blob, file] = split_blob("--image", text, blobs);
-      pictures[blob].push_back(file);
-    }
-    std::vector<std::string> added;
+  /// Resizes pictures to their input of `net`.
+  void resize([[maybe_unused]] const engine::Net& net, Inputs& inputs) const {
+    if (inputs.pictures.empty() && (scale || rgb))
+      throw UsageError(scale ? "--input-scale" : "--channels", ": needs a picture as --input");
 #ifdef REVISIT_HAVE_PIPELINE
-    for (const engine::Port& port : net.inputs()) {
-      const auto found = pictures.find(port.name);
-      if (found == pictures.end()) continue;
-      if (arrays->contains(port.name))
-        throw UsageError("the input '", port.name, "' has an --input and an --image");
-      (*arrays)[port.name] = picture_input(found->second, port.name, port.shape, rgb);
-      added.push_back(port.name);
-    }
+    for (const engine::Port& port : net.inputs())
+      if (const auto found = inputs.pictures.find(port.name); found != inputs.pictures.end())
+        inputs.arrays[port.name] =
+            picture_input(found->second, port.name, port.shape, rgb.value_or(false));
+#else
+    if (!inputs.pictures.empty())
+      throw UsageError("--input: this program was built without readers of pictures");
 #endif
-    return added;
   }
 };
 
-constexpr const char* kPictureExamples =
 #ifdef REVISIT_HAVE_PIPELINE
-    "  revisit net forward net.prototxt net.caffemodel --image cat.jpg --mean mean.npy --labels "
+constexpr bool kReadsPictures = true;
+constexpr const char* kPictureExamples =
+    "  revisit net forward net.prototxt net.caffemodel --input cat.jpg --mean mean.npy --labels "
     "words.txt\n"
-    "  revisit net forward net.prototxt net.caffemodel --image cat.jpg --mean 104,117,123 -o "
+    "  revisit net forward net.prototxt net.caffemodel --input cat.jpg --mean 104,117,123 -o "
     "out\n";
 #else
-    "";
+constexpr bool kReadsPictures = false;
+constexpr const char* kPictureExamples = "";
 #endif
 
 /// Path of `out_NAME.npy`; '/' in the name becomes '_', and control characters are escaped.
@@ -168,7 +168,12 @@ struct ForwardOptions {
   void declare(Options& options) {
     net.declare(options);
     options.group("Arrays:");
-    options.option("input", "BLOB=FILE.npy", "array for an input (float32 or float64), repeatable",
+    options.option("input", "[BLOB=]FILE",
+                   kReadsPictures
+                       ? "repeatable: .npy array (float32 or float64); or PNG or JPEG for an input "
+                         "of 3 channels or 1 (gray), resized to its rows and columns, several as a "
+                         "batch; EXIF rotation is ignored"
+                       : ".npy array for an input (float32 or float64), repeatable",
                    &inputs, 'i');
     options.option("mean", "[BLOB=]M,M,M|M|FILE",
                    "mean to subtract from an input: numbers per channel, one for all, or a "
@@ -247,15 +252,17 @@ int forward(ForwardOptions& o) {
   if (o.label_file) labels = read_labels(*o.label_file);
 
   const std::vector<std::string> blobs = o.net.input_blobs();
-  Arrays arrays = read_arrays(o.inputs, blobs);
+  Inputs inputs = read_inputs(o.inputs, blobs);
+  Arrays& arrays = inputs.arrays;
   for (const auto& [blob, array] : arrays)
     o.net.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
   const engine::Net loaded = load_net(o.net, NoWeights::kNone);
   std::map<std::string, engine::Shape> shapes;
-  const std::vector<std::string> with_pictures = o.pictures.add(loaded, blobs, &arrays);
+  o.pictures.resize(loaded, inputs);
   subtract_means(o.means, blobs, &arrays);
-  for (const std::string& blob : with_pictures) {
-    for (float& value : arrays[blob].data) value *= static_cast<float>(o.pictures.scale);
+  for (const auto& [blob, files] : inputs.pictures) {
+    for (float& value : arrays[blob].data)
+      value *= static_cast<float>(o.pictures.scale.value_or(1));
     shapes.emplace(blob, arrays[blob].shape);
   }
   engine::PlanOptions plan = o.net.plan_options();

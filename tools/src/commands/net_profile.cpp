@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <iostream>
 
 #include "cli/json.h"
@@ -11,7 +10,6 @@
 #include "net_commands.h"
 #include "report/report.h"
 #include "revisit/base/text.h"
-#include "revisit/engine/machine.h"
 
 namespace revisit::cli {
 namespace {
@@ -115,26 +113,15 @@ std::vector<float> some_offsets(const engine::Net& net) {
   return offsets;
 }
 
-void warn_of_slow_settings() {
-  const std::string faster = engine::faster_blas_core();
-  if (!faster.empty())
-    std::cerr << "warning: OpenBLAS uses its " << engine::blas_core()
-              << " kernels, this CPU can run " << faster
-              << "; unset OPENBLAS_CORETYPE or set it to " << faster << "\n";
-  if (std::getenv("OPENBLAS_L2_SIZE"))
-    std::cerr << "warning: OPENBLAS_L2_SIZE is set, so OpenBLAS may block for another cache size; "
-                 "unset it\n";
-}
-
 /// Warns of a share above 1, which means that the limits were measured too low.
 void warn_of_shares(const reports::NetReport& report) {
   constexpr double kMost = 1.1, kMinMs = 0.01;
   for (const reports::NetLayer& layer : report.layers())
     if (layer.ms().median() > kMinMs &&
         std::max(layer.peak_share(), layer.memory_share()) > kMost) {
-      std::cerr << "warning: layer '" << printable(layer.name())
-                << "' took less time than the limits of the machine allow: something else ran "
-                   "while they were measured; profile again\n";
+      warn("layer '" + layer.name() +
+           "' took less time than the limits of the machine allow: something else ran while they "
+           "were measured; profile again");
       return;
     }
 }
@@ -198,7 +185,7 @@ int run_profile(TimingOptions& o, const Options& options) {
     before = read_profile(*o.baseline);
   }
 
-  warn_of_slow_settings();
+  for (const std::string& warning : slow_settings()) warn(warning);
   const engine::Net loaded = load_net(o.net, NoWeights::kRandom);
   if (!o.net.weights)
     note("no weights were given; random ones (He-scaled, seed " + str(o.net.seed) +

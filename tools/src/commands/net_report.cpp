@@ -3,7 +3,6 @@
 #include <limits>
 
 #include "cli/json.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "net_commands.h"
 #include "revisit/base/text.h"

@@ -49,7 +49,7 @@ struct ReportOptions {
     options.argument("FOLDER", &folders);
     options.group("Output:");
     options.option("output", "FILE", "the HTML file (default report.html)", &output, 'o');
-    options.format({"table", "json", "csv", "markdown"}, &format)
+    options.format({"table", "json", "csv"}, &format)
         .flag("over-sequences", "mean over several sequences", &page.over_sequences)
         .option("queries", "N",
                 "queries with range images, for each of incorrect, missed and correct (default 3)",
@@ -69,16 +69,11 @@ struct ReportOptions {
 
 void check_files(const ReportOptions& o) {
   check_target(o.output);
-  const std::string advice = "give another file, or --force to replace it";
-  if (!o.force) need_report(o.output, kHtmlMark, advice);
+  if (!o.force) need_report(o.output, "give another file, or --force to replace it");
 }
 
 void print_page(const ReportOptions& o, const reports::Page& page) {
   if (!check_target(o.output)) return;
-  if (o.format == "markdown") {
-    std::cout << results_markdown(page);
-    return;
-  }
   if (page.summary_size() > 0) {
     reports::Summary summary;
     *summary.mutable_rows() = page.summary();

@@ -13,21 +13,11 @@ namespace revisit::cli {
 namespace {
 
 std::string introduction() {
-  constexpr size_t kWidth = 90;
-  std::string text =
-      "revisit: place recognition from LiDAR scans with original Caffe networks.\n\n";
-  std::string line = "Exit codes:";
-  for (const auto& [code, meaning] : exit_codes()) {
-    const std::string entry = str(" ", static_cast<int>(code), " ", meaning,
-                                  code == exit_codes().back().first ? "." : ";");
-    if (line.size() + entry.size() > kWidth) {
-      text += line + "\n";
-      line = entry.substr(1);
-    } else {
-      line += entry;
-    }
-  }
-  return text + line + "\n";
+  const std::string codes = joined(exit_codes(), "; ", [](const auto& one) {
+    return str(static_cast<int>(one.first), " ", one.second);
+  });
+  return "revisit: place recognition from LiDAR scans with original Caffe networks.\n\n" +
+         wrapped("Exit codes: " + codes + ".", 0, 0);
 }
 
 /// Runs revisit-simulate, which is installed beside this program or on PATH, in its place.

@@ -86,12 +86,8 @@ constexpr size_t kMaxBytesOfWeightsInModel = 256 << 10;
 int train(TrainOptions& o) {
   const Observer observer = o.running.observer();
   std::vector<Dataset> drives;
-  for (const fs::path& data : o.data) {
-    FeatureOptions options = o.running;
-    options.data = data;
-    drives.push_back(open_scans(options));
-    if (!o.running.quiet) warn_of_other_sensor(drives.back(), o.sensor);
-  }
+  for (const fs::path& data : o.data)
+    drives.push_back(open_drive(o.running, data, o.sensor, false));
   const LayerDimensions layers = parse_layers(o.layers);
   const models::FoundModel found =
       models::find_model({o.model, o.weights, layers.back().first, {}});
@@ -108,9 +104,7 @@ int train(TrainOptions& o) {
       engine::Net::load(found.prototxt, found.weights, {.end = layers.back().first});
   o.learn.threads = o.running.thread_count();
   o.learn.cache = o.cache.empty() ? fs::path(o.output.string() + ".rings") : o.cache;
-  for (const Dataset& drive : drives)
-    model.trained_on += str(model.trained_on.empty() ? "" : ", ", drive.scans.size(), " scans of ",
-                            drive.name, drive.sequence.empty() ? "" : "/" + drive.sequence);
+  model.trained_on = names_of(drives);
   train_ring_model(model, net, layers, drives, o.learn, observer);
   write_ring_model(o.output, model);
   std::cout << "ring model for " << model.sensor << ", trained on " << model.trained_on << ": "
@@ -124,7 +118,9 @@ Command train_command() {
   return {
       "train", "train a ring model on drives",
       "Trains a ring model on drives of one sensor: the features that scans of one place share. "
-      "DATA is a KITTI sequence, a folder of scans, or output of `revisit simulate`. The model is "
+      "DATA is a KITTI sequence, a folder of scans, a recording, or output of `revisit simulate`. "
+      "The "
+      "model is "
       "one file, for --ring FILE.",
       "  revisit train town -o town.ring --model squeezenet.prototxt --layers pool1=32,pool4=32\n"
       "  revisit train scans/ -o scans.ring --model net/ --from sequence   # no poses needed\n",

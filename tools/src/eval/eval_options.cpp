@@ -6,8 +6,8 @@
 #include <iostream>
 
 #include "cli/shell.h"
+#include "eval/evaluation.h"
 #include "eval/plan.h"
-#include "eval/print_results.h"
 #include "loops/recording.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
@@ -28,6 +28,22 @@ void read_all(const std::vector<std::string>& files, const Dataset& dataset, int
   for (const std::string& file : files)
     for (const auto& [query, places] : read_pairs(file, dataset, near))
       pairs[query].insert(places.begin(), places.end());
+}
+
+std::vector<Protocol> all_protocols() {
+  std::vector<Protocol> all = protocols();
+  all.insert(all.begin(),
+             {kDrivingOrder,
+              "each scan is a query against the places stored before it, ranked and accepted as in "
+              "`revisit loops`; nothing is estimated from later scans",
+              "the default; 5 m, horizontal; matches up to twice the radius are ignored"});
+  return all;
+}
+
+void print_protocols() {
+  for (const Protocol& protocol : all_protocols())
+    std::cout << protocol.name << "\n    " << wrapped(protocol.definition + ".", 4, 4) << "    "
+              << wrapped("(" + protocol.source + ")", 4, 4);
 }
 
 /// The rows of a copy.
@@ -79,9 +95,10 @@ Dataset TruthOptions::open(const FeatureOptions& data, bool needs_poses) const {
 
 std::optional<ListedPairs> TruthOptions::listed(const FeatureOptions& data) const {
   if (pairs.empty()) return std::nullopt;
-  const Dataset whole = is_recording(data.data)
-                            ? recorded_headers({data.data, data.sequence, data.topic})
-                            : open_dataset(data.data, data.sequence);
+  FeatureOptions all = data;
+  all.every = 1;
+  const Dataset whole =
+      is_recording(data.data) ? headers_of(all) : open_dataset(data.data, data.sequence);
   const std::string ignore = "ignore=", near_key = "near=";
   ListedPairs listed;
   int near = 0;
@@ -101,16 +118,6 @@ std::optional<ListedPairs> TruthOptions::listed(const FeatureOptions& data) cons
   read_all(correct, whole, near, listed.correct);
   read_all(ignored, whole, near, listed.ignored);
   return listed;
-}
-
-std::string listed_but_not_asked(const ListedPairs& listed, const TaskResult& result) {
-  const auto with_place =
-      std::ranges::count_if(listed.correct, [](const auto& pair) { return !pair.second.empty(); });
-  const int64_t lost = with_place - result.summary.n_positives;
-  if (lost <= 0 || result.perturbed) return "";
-  return str(result.task.name, ": ", lost, " of ", with_place,
-             " listed queries cannot find their place, because a scan is no query or not stored, "
-             "or within the exclusion, or the place comes later");
 }
 
 std::map<std::string, std::string> settings_of(const EvalOptions& options) {
@@ -158,7 +165,7 @@ void EvalOptions::declare_evaluation(Options& options) {
                   "; list: their definitions (default " + kDrivingOrder + ")",
               &protocol)
       .suggest(names)
-      .listed_by([this] { (format == "json" ? print_protocols_json : print_protocols)(std::cout); })
+      .listed_by(print_protocols)
       .common()
       .choice("query-case", {"protocol", "1", "2", "both"},
               "alignment cases of queries; stored scans have case 1 (default protocol: both in "
@@ -235,7 +242,7 @@ void EvalOptions::declare_output(Options& options) {
               &ground_truth)
       .excludes({"perturb", "descriptors"})
       .option("descriptors", "DIR",
-              "only the descriptors of all scans: descriptors.npy [scans][K], frames.csv, run.json "
+              "only the descriptors of all scans: descriptors.npy [scans][K], scans.csv, run.json "
               "and pca (for --fit-on)",
               &descriptors)
       .excludes({"perturb"})

@@ -8,7 +8,7 @@
 
 #include "cli/command.h"
 #include "eval/feature_options.h"
-#include "loops/pose_options.h"
+#include "loops/scan_stream.h"
 #include "revisit/evaluation/evaluate.h"
 #include "revisit/maps/place_recognizer.h"
 
@@ -25,9 +25,6 @@ struct TruthOptions {
   /// Absent without pairs. Throws what read_pairs() throws.
   std::optional<ListedPairs> listed(const FeatureOptions& data) const;
 };
-
-/// Note with the number of listed queries that cannot find their place; "" if there is none.
-std::string listed_but_not_asked(const ListedPairs& listed, const TaskResult& result);
 
 /// The default protocol, which no task of the library has.
 inline constexpr const char* kDrivingOrder = "driving-order";

@@ -1,15 +1,17 @@
 #include "evaluation.h"
 
 #include <algorithm>
-#include <numbers>
+#include <limits>
 #include <set>
 
 #include "cli/json.h"
-#include "cli/table.h"
-#include "eval/driving_order.h"
+#include "cli/terminal.h"
 #include "eval/run_folder.h"
+#include "loops/open_recognizer.h"
+#include "loops/recognize.h"
 #include "revisit/base/files.h"
 #include "revisit/datasets/observer.h"
+#include "revisit/loops/loop_detector.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {
@@ -104,6 +106,17 @@ std::vector<std::string> names_of(const std::vector<int64_t>& rows, const Datase
   return names;
 }
 
+/// Note with the number of listed queries that cannot find their place; "" if there is none.
+std::string listed_but_not_asked(const ListedPairs& listed, const TaskResult& result) {
+  const auto with_place =
+      std::ranges::count_if(listed.correct, [](const auto& pair) { return !pair.second.empty(); });
+  const int64_t lost = with_place - result.summary.n_positives;
+  if (lost <= 0 || result.perturbed) return "";
+  return str(result.task.name, ": ", lost, " of ", with_place,
+             " listed queries cannot find their place, because a scan is no query or not stored, "
+             "or within the exclusion, or the place comes later");
+}
+
 void print_notes(const Observer& observer, const Trajectory& trajectory,
                  const EvaluationResult& result) {
   if (trajectory.listed)
@@ -118,24 +131,144 @@ void print_notes(const Observer& observer, const Trajectory& trajectory,
                         kFew, "); give shorter blocks with --bootstrap"));
 }
 
-FinishedEvaluation write_run_folder(const RunContext& context, EvaluationResult&& result,
-                                    Trajectory&& trajectory) {
-  print_notes(context.given.feature.observer(), trajectory, result);
-  FinishedEvaluation finished;
-  finished.run = make_run_folder(context.given.output, context.dataset);
-  write_run(finished.run, context);
-  link_latest(finished.run);
-  const FeatureSource& source = context.source;
-  finished.skipped = names_of(result.skipped, context.dataset);
-  finished.feature = source.extractor.name;
-  finished.similarity = similarity_name(source);
-  finished.feature_dim = source.extractor.dim;
-  finished.reduced = source.components >= 0;
-  finished.trained = !source.model || source.model->trained;
-  finished.result = std::move(result);
-  finished.trajectory = std::move(trajectory);
-  return finished;
+FinishedEvaluation write_run_folder(const EvalOptions& given, const Dataset& dataset,
+                                    EvaluationResult&& result, Trajectory&& trajectory,
+                                    FeatureSource&& source, const std::string& data_key) {
+  print_notes(given.feature.observer(), trajectory, result);
+  const fs::path run =
+      write_run({given, dataset, trajectory, source, result, key_text(given, data_key)});
+  std::vector<std::string> skipped = names_of(result.skipped, dataset);
+  return {run, std::move(result), std::move(trajectory), std::move(source), std::move(skipped)};
 }
+
+struct DrivingOrderOptions {
+  LoopDetectorOptions detector;
+  MatchRule rule;                // without a list of pairs
+  EvaluationOptions evaluation;  // only score and intervals
+  Observer observer;
+};
+
+/// `places`: map entries at the time of the query.
+TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
+  if (found.excluded.empty()) return {row, {CandidateRange{0, places}, {}}};
+  const auto [first, last] = std::ranges::minmax(found.excluded);
+  return {row, {CandidateRange{0, first}, CandidateRange{last + 1, places}}};
+}
+
+void count(PairLabel truth, AcceptedLoops& loops) {
+  switch (truth) {
+    case PairLabel::kCorrect:
+      ++loops.correct;
+      break;
+    case PairLabel::kIncorrect:
+      ++loops.incorrect;
+      break;
+    case PairLabel::kIgnored:
+      ++loops.ignored;
+      break;
+  }
+}
+
+AlignmentRecord record_of(bool described) {
+  constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+  return {kUnknown, kUnknown, kUnknown, 0, kUnknown, described ? 1.0F : 0.0F};
+}
+
+/// Queries each scan against the scans before it, as `revisit loops` does: one task,
+/// "driving-order". `scans`: those of the trajectory, with T_world_sensor.
+class DrivingOrder {
+ public:
+  DrivingOrder(const std::vector<ScanRef>& scans, const Trajectory& trajectory,
+               const RecognizerSource& source, const DrivingOrderOptions& options)
+      : scans_(scans),
+        trajectory_(trajectory),
+        source_(source),
+        options_(options),
+        recognizer_(source.extractor, source.options, nullptr, warn),
+        detector_(recognizer_, options.detector) {
+    Task& task = task_result_.task;
+    task.name = kDrivingOrder;
+    task.definition =
+        "each scan against the places stored before it, beyond the exclusion, as in revisit loops";
+    task.population = "each scan against the places stored before it";
+    task.exclusion = options.detector.exclusion;
+    task.rule = trajectory.listed ? MatchRule{Distance::kPairs, 0} : options.rule;
+    need_distances(trajectory, task.rule.distance, "task " + task.name);
+    loops_.threshold = detector_.threshold().value_or(0);
+  }
+
+  EvaluationResult run() {
+    const revisit::Progress progress = options_.observer.stage("recognizing", "scans");
+    recognize(stream_of(scans_), detector_, true, [&](const Visit& visit) {
+      progress(++row_ + 1, std::ssize(scans_));
+      take(visit);
+    });
+    check_result();
+    task_result_.score = detector_.score();
+    task_result_.query_case = name_of(source_.options.align);
+    task_result_.pca_fit = source_.extractor.fit_projection
+                               ? str("the first ", source_.options.warmup, " distinct places")
+                               : "none";
+    if (!source_.extractor.fit_projection) task_result_.descriptor_dim = source_.extractor.dim;
+    task_result_.n_skipped = std::ssize(result_.skipped);
+    if (detector_.threshold()) task_result_.loops = loops_;
+    measure(task_result_, trajectory_, options_.evaluation, options_.observer.stop);
+    if (trajectory_.listed && task_result_.summary.n_positives == 0)
+      throw UsageError("task ", kDrivingOrder, ": none of ", task_result_.task.queries.size(),
+                       " listed queries can find its place");
+    result_.tasks.push_back(std::move(task_result_));
+    return std::move(result_);
+  }
+
+ private:
+  void take(const Visit& visit) {
+    const Detection& found = visit.found;
+    result_.alignments.push_back(record_of(found.error.empty()));
+    if (!found.error.empty()) {
+      options_.observer.warn(found.error + "; the scan is skipped");
+      result_.skipped.push_back(row_);
+      return;
+    }
+    result_.recognize_ms.push_back(visit.milliseconds);
+    Task& task = task_result_.task;
+    const auto places = std::ssize(task.stored);
+    if (found.index) task.stored.push_back(row_);
+    if (!found.loop) return;
+    const int64_t match = task.stored.at(static_cast<size_t>(found.loop->index));
+    const bool known = !trajectory_.listed || trajectory_.listed->knows(visit.scan.frame);
+    if (found.loop->accepted && !known) ++loops_.unlabeled;
+    if (!known) return;
+    if (found.loop->accepted) count(pair_label(trajectory_, task.rule, row_, match), loops_);
+    task.queries.push_back(query_of(row_, found, places));
+    task_result_.matches.push_back({.query = row_,
+                                    .ranks = {match},
+                                    .similarities = {found.loop->similarity},
+                                    .score = found.loop->score,
+                                    .relative_yaw = found.loop->relative_yaw});
+  }
+
+  void check_result() const {
+    if (source_.components >= 0 && !recognizer_.is_warmed_up())
+      throw UsageError("the PCA cannot be estimated (expected ", source_.options.warmup,
+                       " distinct map entries, found fewer in ", recognizer_.size(),
+                       " scans); use a smaller --warmup or more scans");
+    if (task_result_.task.queries.empty())
+      throw UsageError("task ", kDrivingOrder, ": none of ", scans_.size(),
+                       " scans has ground truth and a candidate before it; use a smaller exclusion "
+                       "or more scans");
+  }
+
+  const std::vector<ScanRef>& scans_;
+  const Trajectory& trajectory_;
+  const RecognizerSource& source_;
+  const DrivingOrderOptions& options_;
+  PlaceRecognizer recognizer_;
+  LoopDetector detector_;
+  int64_t row_ = -1;
+  AcceptedLoops loops_;
+  TaskResult task_result_;
+  EvaluationResult result_;
+};
 
 DrivingOrderOptions driving_order_options(const EvalOptions& given,
                                           const EvaluationOptions& evaluation) {
@@ -169,15 +302,14 @@ FinishedEvaluation evaluate_driving(const EvalOptions& options) {
   described.options.score = evaluation.score;
   make_folder(given.output);  // first, because the evaluation may take hours
   EvaluationResult result =
-      evaluate_in_driving_order(given.truth.poses.scans_of(dataset), trajectory, described, how);
+      DrivingOrder(given.truth.poses.scans_of(dataset), trajectory, described, how).run();
   FeatureSource source;
   source.align = described.options.align;
   source.extractor = std::move(described.extractor);
   source.model = std::move(described.model);
   source.components = described.components;
-  const RunContext context{given,  dataset, trajectory,
-                           source, result,  key_text(given, dataset_key(dataset))};
-  return write_run_folder(context, std::move(result), std::move(trajectory));
+  return write_run_folder(given, dataset, std::move(result), std::move(trajectory),
+                          std::move(source), dataset_key(dataset));
 }
 
 void need_others(const Dataset& drive, const Dataset& others, const std::string& folder) {
@@ -211,24 +343,8 @@ FinishedEvaluation evaluate_perturbed_queries(const EvalOptions& options) {
   EvaluationResult result = evaluate_perturbed(in.dataset, in.trajectory, in.source.extractor,
                                                perturbed_queries(in.given, in.dataset), in.options,
                                                in.given.feature.observer());
-  const RunContext context{in.given,  in.dataset, in.trajectory,
-                           in.source, result,     key_text(in.given, dataset_key(in.dataset))};
-  return write_run_folder(context, std::move(result), std::move(in.trajectory));
-}
-
-void write_frames(const fs::path& file, const Dataset& dataset,
-                  const std::vector<AlignmentRecord>& alignments) {
-  Table table({"row", "frame", "file", "time", "yaw_deg", "eigenvalue_ratio", "abs_t11",
-               "mirrored_choice", "outside", "described"});
-  for (size_t i = 0; i < dataset.scans.size(); ++i) {
-    const ScanRef& scan = dataset.scans[i];
-    const AlignmentRecord& a = alignments[i];
-    table.row({str(i), str(scan.frame), scan.file.string(), scan.time ? number(*scan.time, 6) : "",
-               number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
-               number(a.abs_t11, 4), number(a.mirrored_choice, 0), number(a.outside, 4),
-               number(a.described, 0)});
-  }
-  write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
+  return write_run_folder(in.given, in.dataset, std::move(result), std::move(in.trajectory),
+                          std::move(in.source), dataset_key(in.dataset));
 }
 
 }  // namespace
@@ -256,9 +372,9 @@ FinishedEvaluation evaluate(const EvalOptions& options) {
   in.note_sensor();
   EvaluationResult result = in.evaluation.run();
   warn_of_points_outside(in.given.feature, in.source.inputs, result.alignments);
-  const RunContext context{in.given,  in.dataset, in.trajectory,
-                           in.source, result,     key_text(in.given, in.evaluation.key())};
-  return write_run_folder(context, std::move(result), std::move(in.trajectory));
+  const std::string key = in.evaluation.key();  // before its parts move
+  return write_run_folder(in.given, in.dataset, std::move(result), std::move(in.trajectory),
+                          std::move(in.source), key);
 }
 
 std::string write_ground_truth(const EvalOptions& o) {
@@ -311,11 +427,12 @@ DescribedScans write_descriptors(const EvalOptions& given) {
   if (!descriptors.note.empty()) observer.note(descriptors.note);
   const FloatMatrix& matrix = descriptors.case1;
   proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());
-  write_frames(output / "frames.csv", dataset, result.alignments);
   EvalOptions resolved = given;
   resolved.feature = options;
   const Trajectory unknown;
-  reports::Run run = run_of({resolved, dataset, unknown, source, result, ""});
+  const RunContext context{resolved, dataset, unknown, source, result, ""};
+  write_scans(output / "scans.csv", context);
+  reports::Run run = run_of(context);
   run.mutable_info()->set_pca_fit(descriptors.pca_fit);
   run.mutable_info()->set_descriptor_dimension(static_cast<int>(matrix.d));
   write_json(output / "run.json", run);

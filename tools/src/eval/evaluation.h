@@ -12,10 +12,7 @@ struct FinishedEvaluation {
   std::filesystem::path run;
   EvaluationResult result;
   Trajectory trajectory;
-  std::string feature, similarity;
-  int64_t feature_dim = 0;           // before the reduction
-  bool reduced = true;               // by PCA
-  bool trained = true;               // false: random weights
+  FeatureSource source;
   std::vector<std::string> skipped;  // names of scans
 };
 

@@ -46,10 +46,10 @@ void FeatureOptions::declare(Options& options, Scans scans) {
 void FeatureOptions::declare_data(Options& options) {
   options.group("Data:");
   options
-      .option("sequence", "NAME", "sequence of a data set that has several: 00, scene-0061, Ouster",
+      .option("sequence", "NAME",
+              "sequence of a data set that has several (00, scene-0061, Ouster); topic of a bag",
               &sequence)
       .common();
-  options.option("topic", "NAME", "topic of a bag that has several of PointCloud2", &topic);
   options
       .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
               &every)
@@ -140,15 +140,12 @@ void FeatureOptions::declare_ring(Options& options, bool of_drives) {
 void FeatureOptions::declare_baselines(Options& options) {
   options.group("Baselines:");
   options
-      .option("images", "DIR",
-              "fabmap: PNG images named by frame number (default: image_0 of the sequence)",
-              &images)
-      .of_features("fabmap");
-  options
-      .option("training-images", "DIR",
-              "fabmap: images of other places, which train the vocabulary and the likelihood of "
-              "a new place (default: the drive's images, and a mean field)",
-              &training_images)
+      .option(
+          "images", "DIR[,DIR]",
+          "fabmap: PNG images named by frame number (default: image_0 of the sequence); then "
+          "images of other places, which train the vocabulary and the likelihood of a new place "
+          "(default: the drive's images, and a mean field)",
+          &images)
       .of_features("fabmap");
 }
 

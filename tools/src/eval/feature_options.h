@@ -7,7 +7,7 @@
 
 #include "cli/geometry_options.h"
 #include "cli/options.h"
-#include "models/find_model.h"
+#include "models/models.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/observer.h"
@@ -23,18 +23,18 @@ enum class Scans { kOfDrives, kOneByOne };
 
 struct FeatureOptions {
   std::filesystem::path data;
-  std::string sequence, topic;
-  int every = 1;  // frame stride
+  std::string sequence;  // or the topic of a bag
+  int every = 1;         // frame stride
   GeometryOptions image;
   std::string feature = "ring";
   std::filesystem::path model, weights;
   std::string end, mean_bgr;  // end: parse_cut()
   std::filesystem::path ring;
-  std::filesystem::path images, training_images;  // for FAB-MAP
-  std::optional<int64_t> candidates;              // 0: all
-  int64_t default_candidates = 0;                 // of ring and scan-context
-  std::optional<std::string> align;               // absent: the feature's default
-  int threads = 0;                                // 0: all cores
+  std::string images;                 // DIR[,DIR], for FAB-MAP
+  std::optional<int64_t> candidates;  // 0: all
+  int64_t default_candidates = 0;     // of ring and scan-context
+  std::optional<std::string> align;   // absent: the feature's default
+  int threads = 0;                    // 0: all cores
   int threads_per_scan = 1;
   engine::Precision precision = engine::Precision::kFloat32;
   std::string pca;  // components() or a folder, as given
@@ -107,6 +107,11 @@ void warn_of_other_sensor(const Dataset& dataset, const std::string& sensor);
 Dataset scans_so_far(const FeatureOptions& options, bool needs_poses = false);
 /// Scans of a complete data set. Prints its warnings; throws UsageError if there is no scan.
 Dataset open_scans(const FeatureOptions& options, bool needs_poses = false);
+/// Those of `data` instead. Warns if another sensor than `sensor` made them.
+Dataset open_drive(FeatureOptions options, const std::filesystem::path& data,
+                   const std::string& sensor, bool needs_poses);
+/// "1200 scans of town/00, 900 scans of village".
+std::string names_of(const std::vector<Dataset>& drives);
 
 /// Fraction of points outside of the image above which the geometry is probably wrong.
 inline constexpr double kManyOutside = 0.1;

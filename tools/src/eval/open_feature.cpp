@@ -3,11 +3,10 @@
 
 #include "cli/net_arrays.h"
 #include "cli/net_options.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "eval/feature_options.h"
 #include "loops/recording.h"
-#include "models/cache.h"
+#include "models/models.h"
 #include "revisit/base/files.h"
 #include "revisit/baselines/baselines.h"
 #include "revisit/datasets/scan_file.h"
@@ -25,25 +24,21 @@ namespace fs = std::filesystem;
 std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
   if (text.empty()) return std::nullopt;
   std::array<double, 3> mean{};
-  if (std::error_code none; fs::is_regular_file(text, none)) {
-    const std::vector<double> means = channel_means(read_mean(text));
-    if (means.size() == 1)
-      mean.fill(means[0]);
-    else if (means.size() == mean.size())
-      std::copy(means.begin(), means.end(), mean.begin());
-    else
-      throw UsageError("--mean: ", text, " has ", means.size(), " channels, expected 3 or 1");
-    return mean;
-  }
-  std::vector<double> numbers;
-  for (const std::string& field : comma_separated(text))
-    numbers.push_back(parse_value<double>("--mean", field));
-  if (numbers.size() == 1 && text.back() != ',') numbers.resize(mean.size(), numbers[0]);
-  if (numbers.size() != mean.size())
-    throw UsageError(str(
-        "--mean: expected three numbers B,G,R or a .npy or .binaryproto file, found '", text, "'"));
-  std::ranges::copy(numbers, mean.begin());
+  std::vector<double> means = channel_means(parse_mean_option("--mean", text));
+  if (means.size() == 1) means.resize(mean.size(), means[0]);
+  if (means.size() != mean.size())
+    throw UsageError("--mean: ", text, " has ", means.size(), " channels, expected 3 or 1");
+  std::ranges::copy(means, mean.begin());
   return mean;
+}
+
+/// Folders of --images: of the drive, and of other places; "" if not given.
+std::array<fs::path, 2> image_folders(const FeatureOptions& options) {
+  std::vector<std::string> folders = comma_separated(options.images);
+  if (folders.size() > 2)
+    throw UsageError("--images: expected one or two folders, found '", options.images, "'");
+  folders.resize(2);
+  return {folders[0], folders[1]};
 }
 
 FeatureExtractor scan_context(const FeatureOptions& options, const Dataset&, const fs::path&) {
@@ -53,10 +48,10 @@ FeatureExtractor scan_context(const FeatureOptions& options, const Dataset&, con
 FeatureExtractor fabmap(const FeatureOptions& options, const Dataset& dataset,
                         const fs::path& folder) {
   make_folder(folder);
-  const Dataset images = options.training_images.empty() ? camera_images(dataset, options.images)
-                                                         : image_folder(options.training_images);
+  const auto [own, others] = image_folders(options);
   // Images of other places are samples of a new place; without them it is a mean field.
-  const bool sampled = !options.training_images.empty();
+  const bool sampled = !others.empty();
+  const Dataset images = sampled ? image_folder(others) : camera_images(dataset, own);
   return fabmap_features(images, sampled, folder, options.thread_count(), options.observer());
 }
 
@@ -141,8 +136,7 @@ FeatureSource open_ring(const FeatureOptions& options, const Dataset& dataset) {
 
 /// Scans of a recording, for several passes.
 Dataset spooled_recording(const FeatureOptions& options, bool needs_poses) {
-  RecordedScans scans =
-      read_recording({options.data, options.sequence, options.topic, options.every});
+  RecordedScans scans = read_recording(options);
   cli::Progress progress("reading", "scans", !options.quiet);
   scans.next = [&, next = std::move(scans.next), n = int64_t{0}]() mutable {
     progress.update(n, std::max(n, scans.count));
@@ -231,8 +225,9 @@ FeatureSource open_feature(const FeatureOptions& options, const Dataset& dataset
     source = open_ring(options, dataset);
   else
     source.extractor = baseline(options, dataset, folder);
-  source.inputs =
-      source.extractor.sees<GrayImage>() ? camera_images(dataset, options.images) : dataset;
+  source.inputs = source.extractor.sees<GrayImage>()
+                      ? camera_images(dataset, image_folders(options)[0])
+                      : dataset;
   source.align = align_for(options, source);
   source.components = components_for(options, source);
   return source;
@@ -295,6 +290,21 @@ Dataset open_scans(const FeatureOptions& options, bool needs_poses) {
     throw UsageError("--every ", options.every, ": no frame number of ", options.data.string(),
                      " is a multiple of ", options.every);
   return dataset;
+}
+
+Dataset open_drive(FeatureOptions options, const fs::path& data, const std::string& sensor,
+                   bool needs_poses) {
+  options.data = data;
+  Dataset drive = open_scans(options, needs_poses);
+  if (!options.quiet) warn_of_other_sensor(drive, sensor);
+  return drive;
+}
+
+std::string names_of(const std::vector<Dataset>& drives) {
+  return joined(drives, ", ", [](const Dataset& drive) {
+    return str(drive.scans.size(), " scans of ", drive.name, drive.sequence.empty() ? "" : "/",
+               drive.sequence);
+  });
 }
 
 std::string points_outside(double share, const ImageGeometry& geometry, const PointCloud& scan) {

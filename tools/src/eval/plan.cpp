@@ -9,7 +9,6 @@
 #include <sstream>
 
 #include "cli/json.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "eval/evaluation.h"
 #include "eval/run_folder.h"
@@ -233,8 +232,7 @@ void check_claims(reports::Experiment* experiment) {
 Experiments carry_out_plan(const EvalOptions& options, const std::string& command) {
   Experiments experiments = chosen_experiments(options.plan);
   check_shared(options);
-  const std::vector<models::FoundModel> networks = models::all_models(
-      options.feature.model.empty() ? std::vector<fs::path>{} : std::vector{options.feature.model});
+  const std::vector<models::FoundModel> networks = models::all_models(options.feature.model);
   PlannedRuns runs;
   for (reports::Experiment& experiment : experiments) {
     plan_experiment(options, networks, &experiment, &runs);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "eval/eval_options.h"
-#include "models/find_model.h"
+#include "models/models.h"
 #include "reports.pb.h"
 
 namespace revisit::cli {

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <ostream>
 
-#include "cli/table.h"
+#include "cli/terminal.h"
 #include "eval/run_folder.h"
 #include "revisit/profiling/profile.h"
 

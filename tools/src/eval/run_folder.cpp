@@ -4,7 +4,6 @@
 #include <numbers>
 
 #include "cli/json.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
@@ -59,34 +58,6 @@ void write_curve(const fs::path& file, const std::vector<PrPoint>& curve) {
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
 
-void write_scans(const fs::path& file, const RunContext& context,
-                 const std::vector<TaskResult>& results) {
-  std::vector<std::string> stored(context.dataset.scans.size());
-  for (const TaskResult& result : results)
-    for (const int64_t scan : result.task.stored) {
-      if (scan >= std::ssize(stored)) break;  // a distractor
-      std::string& tasks = stored[static_cast<size_t>(scan)];
-      tasks += (tasks.empty() ? "" : " ") + result.task.name;
-    }
-  Table table({"frame", "file", "time", "x", "y", "z", "yaw_deg", "eigenvalue_ratio", "abs_t11",
-               "mirrored_choice", "outside", "stored"});
-  for (size_t i = 0; i < context.dataset.scans.size(); ++i) {
-    const ScanRef& scan = context.dataset.scans[i];
-    const auto position = [&](int axis) {
-      return context.trajectory.positions.empty()
-                 ? ""
-                 : number(context.trajectory.positions[i][axis], 3);
-    };
-    const AlignmentRecord& a = context.result.alignments[i];
-    table.row({str(scan.frame), fs::absolute(scan.file).string(),
-               scan.time ? number(*scan.time, 6) : "", position(0), position(1), position(2),
-               number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
-               number(a.abs_t11, 4), number(a.mirrored_choice, 0), number(a.outside, 4),
-               stored[i]});
-  }
-  write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
-}
-
 void write_perturbed(const fs::path& file, const std::vector<TaskResult>& results) {
   const auto figure = [](double value) { return std::isnan(value) ? "" : number(value, 6); };
   Table table({"perturbation", "queries", "self", "positives", "neighbor", "ratio_median",
@@ -120,8 +91,6 @@ std::string with_numbers_in_a_line(const std::string& json) {
   return text;
 }
 
-}  // namespace
-
 fs::path make_run_folder(const fs::path& output, const Dataset& dataset) {
   const std::string name =
       dataset.sequence.empty() ? dataset.name : dataset.name + "_" + dataset.sequence;
@@ -150,6 +119,35 @@ void link_latest(const fs::path& run) {
   if (!error) fs::rename(fresh, link, error);
 }
 
+}  // namespace
+
+void write_scans(const fs::path& file, const RunContext& context) {
+  std::vector<std::string> stored(context.dataset.scans.size());
+  for (const TaskResult& result : context.result.tasks)
+    for (const int64_t scan : result.task.stored) {
+      if (scan >= std::ssize(stored)) break;  // a distractor
+      std::string& tasks = stored[static_cast<size_t>(scan)];
+      tasks += (tasks.empty() ? "" : " ") + result.task.name;
+    }
+  Table table({"frame", "file", "time", "x", "y", "z", "yaw_deg", "eigenvalue_ratio", "abs_t11",
+               "mirrored_choice", "outside", "described", "stored"});
+  for (size_t i = 0; i < context.dataset.scans.size(); ++i) {
+    const ScanRef& scan = context.dataset.scans[i];
+    const auto position = [&](int axis) {
+      return context.trajectory.positions.empty()
+                 ? ""
+                 : number(context.trajectory.positions[i][axis], 3);
+    };
+    const AlignmentRecord& a = context.result.alignments[i];
+    table.row({str(scan.frame), fs::absolute(scan.file).string(),
+               scan.time ? number(*scan.time, 6) : "", position(0), position(1), position(2),
+               number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
+               number(a.abs_t11, 4), number(a.mirrored_choice, 0), number(a.outside, 4),
+               number(a.described, 0), stored[i]});
+  }
+  write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
+}
+
 fs::path finished_run(const fs::path& output, const std::string& key) {
   std::error_code none;
   for (const fs::directory_entry& data : fs::directory_iterator(output, none)) {
@@ -162,9 +160,10 @@ fs::path finished_run(const fs::path& output, const std::string& key) {
   return "";
 }
 
-void write_run(const fs::path& run, const RunContext& context) {
+fs::path write_run(const RunContext& context) {
+  const fs::path run = make_run_folder(context.given.output, context.dataset);
   const std::vector<TaskResult>& results = context.result.tasks;
-  write_scans(run / "scans.csv", context, results);
+  write_scans(run / "scans.csv", context);
   if (results.front().perturbed) write_perturbed(run / "perturbed.csv", results);
   for (const TaskResult& result : results) {
     if (result.perturbed) continue;
@@ -175,6 +174,8 @@ void write_run(const fs::path& run, const RunContext& context) {
   write_atomically(run / "run.json", [&](std::ostream& out) {
     out << with_numbers_in_a_line(to_json(run_of(context))) << "\n";
   });
+  link_latest(run);
+  return run;
 }
 
 }  // namespace revisit::cli

@@ -23,17 +23,16 @@ struct RunContext {
   std::string key;                 // EvaluationKey::text
 };
 
-/// Creates `<output>/<dataset>_<sequence>/<time>/` and returns it. Throws Error.
-std::filesystem::path make_run_folder(const std::filesystem::path& output, const Dataset& dataset);
-
-/// Points the link `latest` beside the run folder to it. Warns if a file or folder has that name.
-void link_latest(const std::filesystem::path& run);
-
 /// Latest finished run below `output` whose run.json has this key, or "".
 std::filesystem::path finished_run(const std::filesystem::path& output, const std::string& key);
 
-/// Writes tables for people, and run.json last, because it marks the run complete.
-void write_run(const std::filesystem::path& run, const RunContext& context);
+/// Table of all scans: poses, alignments, and the tasks that store them.
+void write_scans(const std::filesystem::path& file, const RunContext& context);
+
+/// Creates `<output>/<dataset>_<sequence>/<time>/` with tables for people, and run.json last,
+/// because it marks the run complete. Points the link `latest` beside it to it; warns if another
+/// file has that name. Returns the folder. Throws Error.
+std::filesystem::path write_run(const RunContext& context);
 
 /// Content of run.json.
 reports::Run run_of(const RunContext& context);

@@ -4,7 +4,6 @@
 #include <array>
 
 #include "cli/terminal.h"
-#include "loops/describe_scan.h"
 #include "loops/recognize.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/perturbation.h"
@@ -21,85 +20,53 @@ std::optional<bool> is_correct(const Pose& here, const Pose& there, const MatchR
   return std::nullopt;
 }
 
-struct QueriedMap {
-  PlaceRecognizer& recognizer;
-  int every;
-  RecentEntries recent;
-  std::vector<Pose> poses;             // of the map entries
-  std::span<const int64_t> neighbors;  // temporal neighbors of the scan
-  bool is_query = false;               // the scan is one of its frames
-};
-
 }  // namespace
 
-std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
-                                          std::span<const SpacedRecognizer> recognizers,
+std::vector<LabeledMatch> labeled_matches(const Dataset& drive, PlaceRecognizer& recognizer,
                                           const LabelingOptions& options) {
-  if (!drive.has_poses())
-    throw UsageError(drive.name,
-                     ": the scans have no poses, which the evaluation of matches needs");
-  std::vector<QueriedMap> maps;
-  for (const SpacedRecognizer& one : recognizers)
-    maps.push_back({*one.recognizer, one.every, RecentEntries(options.exclusion), {}, {}});
+  RecentEntries recent(options.exclusion);
+  std::vector<Pose> poses;  // of the map entries
   std::vector<LabeledMatch> matches;
   PointCloud cloud, perturbed;
   int64_t done = 0;
-  uint64_t copies = 0;
+  uint64_t seed = options.seed;
   for (const ScanRef& scan : drive.scans) {
-    if (options.stop()) throw Interrupted("interrupted during the evaluation of matches");
-    options.done(++done, static_cast<int64_t>(drive.scans.size()));
-    bool wanted = false, known = false;
-    for (QueriedMap& map : maps) {
-      map.is_query = scan.frame % map.every == 0;
-      if (map.is_query) map.neighbors = map.recent.at({scan.frame, scan.time, scan.pose});
-      wanted = wanted || map.is_query;
-      known = known || (map.is_query && !map.poses.empty());
-    }
-    if (!wanted) continue;
-    DescribedScan described =
-        describe_scan(scan, drive.sequence, *recognizers[0].recognizer, cloud);
+    if (interrupted()) throw Interrupted("interrupted during the evaluation of matches");
+    options.done(++done, std::ssize(drive.scans));
+    const auto neighbors = recent.at({scan.frame, scan.time, scan.pose});
+    DescribedScan described = describe_scan(scan, drive.sequence, recognizer, cloud);
     if (!described.description.described()) {
-      options.skipped(described.description.error);
+      ++*options.skipped;
+      warn_skipped(described.description.error);
       continue;
     }
     const auto query = [&](const Description& description, bool is_perturbed) {
-      for (const QueriedMap& map : maps) {
-        if (!map.is_query) continue;
-        const auto loop = map.recognizer.query(description, map.neighbors);
-        if (!loop) continue;
-        const auto correct =
-            is_correct(*scan.pose, map.poses[static_cast<size_t>(loop->index)], options.rule);
-        if (correct) matches.push_back({{loop->score, *correct}, is_perturbed, *scan.pose});
-      }
+      const auto loop = recognizer.query(description, neighbors);
+      if (!loop) return;
+      const auto correct =
+          is_correct(*scan.pose, poses[static_cast<size_t>(loop->index)], options.rule);
+      if (correct) matches.push_back({{loop->score, *correct}, is_perturbed, *scan.pose});
     };
     query(described.description, false);
-    for (int copy = 0; copy < options.augmentations && known; ++copy) {
-      const uint64_t seed = options.seed + copies++;
+    for (int copy = 0; copy < options.augmentations && !poses.empty(); ++copy, ++seed) {
       const Perturbation perturbation = random_augmentation(seed);
       if (perturbation.empty()) continue;  // a copy of the scan
       perturbed = cloud;
       perturb(perturbed, perturbation, seed);
-      query(recognizers[0].recognizer->describe(view_of(perturbed)), true);
+      query(recognizer.describe(view_of(perturbed)), true);
     }
-    for (QueriedMap& map : maps) {
-      if (!map.is_query) continue;
-      map.recent.add(map.recognizer.add(described.description, described.entry));
-      map.poses.push_back(*scan.pose);
-    }
+    recent.add(recognizer.add(described.description, described.entry));
+    poses.push_back(*scan.pose);
   }
   return matches;
 }
 
 std::vector<LabeledMatch> labeled_loops(const Dataset& drive, LoopDetector& detector,
                                         const MatchRule& rule, bool deskew,
-                                        const std::function<bool()>& stop,
                                         const std::function<void(int64_t, int64_t)>& done) {
-  if (!drive.has_poses())
-    throw UsageError(drive.name,
-                     ": the scans have no poses, which the evaluation of matches needs");
   std::vector<LabeledMatch> matches;
   const auto scans = static_cast<int64_t>(drive.scans.size());
-  recognize(stream_of(with_sensor_poses(drive)), detector, deskew, stop,
+  recognize(stream_of(with_sensor_poses(drive)), detector, deskew,
             [&, n = int64_t{0}](const Visit& visit) mutable {
               done(++n, scans);
               if (!visit.found.error.empty()) warn_skipped(visit.found.error);

@@ -13,40 +13,30 @@
 
 namespace revisit::cli {
 
-struct LabelingOptions {
-  Exclusion exclusion;
-  MatchRule rule;
-  int augmentations = 0;  // perturbed copies of every scan, as further queries
-  uint64_t seed = 0;      // of the perturbations
-  std::function<void(const std::string& why)> skipped = [](const std::string&) {};
-  std::function<bool()> stop = [] { return false; };
-  std::function<void(int64_t done, int64_t total)> done = [](int64_t, int64_t) {};
-};
-
 struct LabeledMatch {
   LabeledScore score;
   bool perturbed = false;
   Pose pose;  // of the scan
 };
 
-/// Starts empty and gets frames that are multiples of `every`.
-struct SpacedRecognizer {
-  PlaceRecognizer* recognizer;
-  int every = 1;
+struct LabelingOptions {
+  Exclusion exclusion;
+  MatchRule rule;
+  int augmentations = 0;  // perturbed copies of every scan, as further queries
+  uint64_t seed = 0;      // of the perturbations
+  std::function<void(int64_t done, int64_t total)> done;
+  int64_t* skipped = nullptr;  // counts scans that cannot be described
 };
 
-/// Queries each scan against the scans before it. Map entries are unperturbed. Skips matches that
-/// are neither true nor false, scans that cannot be described, and copies that equal the scan. All
-/// recognizers must have one feature, because a scan is described once. Throws what recognize()
-/// throws, and UsageError for a drive without poses.
-std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
-                                          std::span<const SpacedRecognizer> recognizers,
+/// Queries each scan, which must have a pose, against the scans before it. Map entries are
+/// unperturbed. Omits matches that are neither true nor false, scans that cannot be described, and
+/// copies that equal the scan. Throws what recognize() throws.
+std::vector<LabeledMatch> labeled_matches(const Dataset& drive, PlaceRecognizer& recognizer,
                                           const LabelingOptions& options);
 
-/// Skips matches that are neither true nor false. Throws what labeled_matches() throws.
+/// Omits matches that are neither true nor false. Throws what recognize() throws.
 std::vector<LabeledMatch> labeled_loops(const Dataset& drive, LoopDetector& detector,
                                         const MatchRule& rule, bool deskew,
-                                        const std::function<bool()>& stop,
                                         const std::function<void(int64_t, int64_t)>& done);
 
 /// All correct matches of a place share a weight of 1, and so do all false ones, because scans of

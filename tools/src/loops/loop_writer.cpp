@@ -6,7 +6,7 @@
 
 #include "cli/json.h"
 #include "cli/options.h"
-#include "cli/table.h"
+#include "cli/terminal.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 

@@ -3,7 +3,9 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
 
+#include "cli/options.h"
 #include "eval/feature_options.h"
 #include "revisit/maps/place_recognizer.h"
 
@@ -24,5 +26,34 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
                                    const std::filesystem::path& map,
                                    ScansAtOnce at_once = ScansAtOnce::kOne,
                                    std::optional<int64_t> warmup = std::nullopt);
+
+struct MapOptions {
+  std::filesystem::path file, projection;
+  std::string drive;
+  int64_t warmup = RecognizerOptions().warmup;
+  DescriptorType dtype = DescriptorType::kFloat32;
+  bool no_clouds = false;
+
+  void declare(Options& options);
+  /// Creates a missing map. Returns null without a file.
+  std::unique_ptr<MapStore> open(const RecognizerSource& source) const;
+  std::string drive_of(const Dataset& dataset) const {
+    return !drive.empty() ? drive : !dataset.sequence.empty() ? dataset.sequence : dataset.name;
+  }
+};
+
+/// Removes a new map without entries if the command fails, because an empty map would bind later
+/// commands to its sensor. Must outlive the map.
+class NewMap {
+ public:
+  explicit NewMap(const std::filesystem::path& map);
+  ~NewMap();
+  NewMap(const NewMap&) = delete;
+  NewMap& operator=(const NewMap&) = delete;
+
+ private:
+  std::filesystem::path file_;  // "": the map existed
+  int exceptions_;              // in flight at construction
+};
 
 }  // namespace revisit::cli

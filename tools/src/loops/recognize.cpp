@@ -1,5 +1,6 @@
 #include "recognize.h"
 
+#include "cli/terminal.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/observer.h"
 #include "revisit/datasets/scan_file.h"
@@ -7,11 +8,11 @@
 namespace revisit::cli {
 
 void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
-               const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit) {
+               const std::function<void(const Visit&)>& visit) {
   PointCloud cloud;
   std::optional<ScanRef> before;  // with time and pose
   for (int64_t done = 0; const std::optional<ScanRef> scan = next(); ++done) {
-    if (stop()) throw Interrupted("interrupted after ", done, " scans");
+    if (interrupted()) throw Interrupted("interrupted after ", done, " scans");
     Visit seen{.scan = *scan};
     try {
       read_scan_into(*scan, cloud);
@@ -32,6 +33,27 @@ void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
       seen.found.error = str(scan->file.string(), ": ", seen.found.error);
     visit(seen);
   }
+}
+
+DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
+                            const PlaceRecognizer& recognizer, PointCloud& cloud) {
+  DescribedScan described;
+  described.entry.drive = drive;
+  described.entry.frame = scan.frame;
+  described.entry.time = scan.time;
+  described.entry.pose = scan.pose;
+  Description& description = described.description;
+  try {
+    read_scan_into(scan, cloud);
+    auto lap = stopwatch();
+    description = recognizer.describe(view_of(cloud));
+    described.milliseconds = lap();
+    if (!description.described())
+      description.error = str(scan.file.string(), ": ", description.error);
+  } catch (const InputError& error) {
+    description = {{}, error.what()};
+  }
+  return described;
 }
 
 }  // namespace revisit::cli

@@ -1,9 +1,12 @@
 #pragma once
 
 #include <functional>
+#include <string>
 
 #include "loops/scan_stream.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/loops/loop_detector.h"
+#include "revisit/maps/place_recognizer.h"
 
 namespace revisit::cli {
 
@@ -17,6 +20,16 @@ struct Visit {
 /// during a scan if its points have times, and if it and the scan before have times and poses.
 /// Throws what LoopDetector::take() throws, and Interrupted.
 void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
-               const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit);
+               const std::function<void(const Visit&)>& visit);
+
+struct DescribedScan {
+  Description description;  // error names the file
+  MapEntry entry;           // only drive, frame, time and pose
+  double milliseconds = 0;  // to describe the points, without reading
+};
+
+/// Reuses the memory of `cloud`. A scan that cannot be read counts as not described.
+DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
+                            const PlaceRecognizer& recognizer, PointCloud& cloud);
 
 }  // namespace revisit::cli

@@ -331,14 +331,12 @@ RecordedScans recorded_scans(std::istream& in, const std::string& source, std::s
           }};
 }
 
-RecordedScans read_recording(const RecordingOptions& options) {
+RecordedScans read_recording(const FeatureOptions& options, bool headers) {
   const char* const python = std::getenv("REVISIT_PYTHON");
-  Arguments words = {
-      python != nullptr ? python : "python3", "-c",
-      str(kProgram, "sys.exit(main(headers=", options.headers ? "True" : "False", "))"),
-      str("--every=", options.every)};
+  Arguments words = {python != nullptr ? python : "python3", "-c",
+                     str(kProgram, "sys.exit(main(headers=", headers ? "True" : "False", "))"),
+                     str("--every=", options.every)};
   if (!options.sequence.empty()) words.push_back("--sequence=" + options.sequence);
-  if (!options.topic.empty()) words.push_back("--topic=" + options.topic);
   words.push_back("--");
   words.push_back(options.data.string());
   const auto reader = std::make_shared<ReaderProcess>(std::move(words));
@@ -348,10 +346,9 @@ RecordedScans read_recording(const RecordingOptions& options) {
   return scans;
 }
 
-Dataset recorded_headers(RecordingOptions options) {
-  options.headers = true;
+Dataset headers_of(const FeatureOptions& data) {
   Dataset dataset;
-  for (const ScanStream next = read_recording(options).next; auto scan = next();) {
+  for (const ScanStream next = read_recording(data, true).next; auto scan = next();) {
     dataset.n_poses += scan->pose ? 1 : 0;
     dataset.scans.push_back(std::move(*scan));
   }

@@ -30,16 +30,13 @@ RecordedScans recorded_scans(
     std::istream& in, const std::string& source, std::string first = "",
     const std::function<std::string()>& ending = [] { return std::string(); });
 
-struct RecordingOptions {
-  std::filesystem::path data;
-  std::string sequence, topic;
-  int every = 1;
-  bool headers = false;  // without points
-};
-
 /// Starts `revisit.recordings` of the Python package, which $REVISIT_PYTHON or else python3 has.
-/// The process ends with the last copy of `next`. Throws what recorded_scans() throws.
-RecordedScans read_recording(const RecordingOptions& options);
+/// `headers`: without points. The process ends with the last copy of `next`. Throws what
+/// recorded_scans() throws.
+RecordedScans read_recording(const FeatureOptions& data, bool headers = false);
+
+/// Frames, times and poses of all scans of a recording, without points.
+Dataset headers_of(const FeatureOptions& data);
 
 /// Frames, times and poses of all scans of a recording, without points.
 Dataset recorded_headers(RecordingOptions options);

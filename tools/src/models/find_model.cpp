@@ -1,12 +1,9 @@
-#include "models/find_model.h"
-
 #include <algorithm>
 #include <cctype>
 
+#include "cli/net_options.h"
 #include "cli/terminal.h"
-#include "models/cache.h"
-#include "models/fetch.h"
-#include "models/random_model.h"
+#include "models/models.h"
 #include "revisit/base/files.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
@@ -15,10 +12,6 @@ namespace revisit::models {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool is_prototxt_name(const std::string& name) {
-  return name.ends_with(".prototxt");
-}
 
 std::string without_ending(const fs::path& file, std::initializer_list<const char*> endings) {
   std::string name = file.filename().string();
@@ -44,13 +37,13 @@ fs::path prototxt_beside(const fs::path& weights) {
   for (const std::string& name :
        {stem + ".prototxt", stem + "_deploy.prototxt", std::string("deploy.prototxt")})
     if (fs::is_regular_file(folder / name)) return folder / name;
-  const std::vector<fs::path> all = files_in(folder, is_prototxt_name);
+  const std::vector<fs::path> all = files_in(folder, {".prototxt"});
   return all.size() == 1 ? all[0] : fs::path();
 }
 
 /// Weights with the name `stem`, or the only ones. Throws UsageError if that is ambiguous.
 fs::path choose_weights(const fs::path& folder, const std::string& stem) {
-  const auto all = weights_in(folder);
+  const auto all = files_in(folder, kWeights);
   for (const fs::path& file : all)
     if (without_ending(file, {".h5", ".caffemodel"}) == stem) return file;
   if (all.size() == 1) return all[0];
@@ -153,7 +146,7 @@ FoundModel from_cache_or_models_folder(const ModelRequest& request) {
   const fs::path cache = cache_folder();
   for (const KnownModel& known : known_models())
     if (auto found = from_cache(request, cache, known)) return *found;
-  if (!weights_in(cache).empty()) return from_files(request, "", choose_weights(cache, ""));
+  if (!files_in(cache, kWeights).empty()) return from_files(request, "", choose_weights(cache, ""));
   throw UsageError("no model: give --model PROTOTXT --weights CAFFEMODEL, fetch one ",
                    "('revisit models fetch bvlc_alexnet'; looked in ", cache.string(),
                    "), or write an untrained one for tests ",
@@ -168,7 +161,7 @@ FoundModel from_model_argument(const ModelRequest& request) {
     return from_files(
         request, model,
         choose_weights(folder_of(model), without_ending(model, {".prototxt", "_deploy"})));
-  if (model.has_parent_path() || is_prototxt_name(model.string()))
+  if (model.has_parent_path() || model.string().ends_with(".prototxt"))
     throw InputError(model.string(), ": no such file (--model)");
   const KnownModel& known = known_model(model.string());
   const fs::path cache = cache_folder();
@@ -193,23 +186,18 @@ FoundModel find_model(const ModelRequest& request) {
                                : from_model_argument(request);
 }
 
-std::vector<FoundModel> all_models(const std::vector<fs::path>& folders) {
-  if (folders.empty()) {
-    const fs::path cache = cache_folder();
-    return fs::exists(cache) ? all_models({cache}) : std::vector<FoundModel>();
-  }
+std::vector<FoundModel> all_models(const fs::path& folder) {
+  if (!folder.empty() && !fs::is_directory(folder))
+    throw UsageError(folder.string() + ": no such folder (--model)");
   std::vector<FoundModel> all;
-  for (const fs::path& folder : folders) {
-    if (!fs::is_directory(folder))
-      throw UsageError(folder.string() + ": no such folder (--models)");
-    for (const fs::path& weights : weights_below(folder)) try {
-        FoundModel found = find_model({.weights = weights});
-        if (std::ranges::count(all, found.name, &FoundModel::name) == 0)
-          all.push_back(std::move(found));
-      } catch (const Error& unusable) {
-        cli::warn(str(weights.string(), " is skipped: ", unusable.what()));
-      }
-  }
+  for (const fs::path& weights : files_in(folder.empty() ? cache_folder() : folder, kWeights, true))
+    try {
+      FoundModel found = find_model({.weights = weights});
+      if (std::ranges::count(all, found.name, &FoundModel::name) == 0)
+        all.push_back(std::move(found));
+    } catch (const Error& unusable) {
+      cli::warn(str(weights.string(), " is skipped: ", unusable.what()));
+    }
   std::ranges::stable_sort(
       all, {}, [](const FoundModel& model) { return std::pair(!model.trained, row_of(model)); });
   return all;

@@ -1,15 +1,14 @@
-#include "models/random_model.h"
-
 #include <algorithm>
 #include <limits>
 #include <set>
 
 #include "caffe_schema.pb.h"
+#include "cli/net_options.h"
+#include "models/models.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
-#include "revisit/weights_conversion/known_models.h"
 
 namespace revisit::models {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/table.h"
+#include "cli/terminal.h"
 #include "reports.pb.h"
 
 namespace revisit::cli {
@@ -35,12 +35,9 @@ Table summary_table(const reports::Summary& summary);
 void complete_page(const PageOptions& options, reports::Page* page);
 
 std::string html_page(const reports::Page& page);
-/// Part of every such page, also of earlier versions.
-inline constexpr const char* kHtmlMark = "<main id=\"report\"></main>";
 
-/// Throws UsageError with the advice if a file exists without `mark`, because it is no report.
-void need_report(const std::filesystem::path& file, const std::string& mark,
-                 const std::string& advice);
+/// Throws UsageError with the advice if a file exists and is no page of html_page().
+void need_report(const std::filesystem::path& file, const std::string& advice);
 
 /// Writes the page of `folders` atomically and warns of missing data. Throws Error, and what
 /// read_runs() throws.
@@ -48,14 +45,6 @@ reports::Page write_report(const std::vector<std::filesystem::path>& folders,
                            const std::filesystem::path& file, const PageOptions& options);
 
 std::string profile_page(const reports::NetReport& report, const std::string& command);
-
-/// Starts with kMarkdownMark.
-std::string results_markdown(const reports::Page& page);
-inline constexpr const char* kMarkdownMark =
-    "# Results\n\nThe experiments of the paper (Sun, Liu, Ye, Yeung: Point-cloud-based place "
-    "recognition using CNN feature extraction), made with\n\n";
-
-void print_experiment(const reports::Experiment& experiment, std::ostream& out);
 
 /// Reduced range images as data URIs, with a limit on their total size.
 class RangeImages {

@@ -1,13 +1,18 @@
-#include "models/fetch.h"
+#include "models/models.h"
 
+#include <openssl/evp.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstdlib>
 #include <iterator>
+#include <mutex>
 #include <sstream>
 
 #include "cli/shell.h"
 #include "cli/terminal.h"
-#include "models/cache.h"
+#include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/proto/weights_file.h"
 
@@ -15,6 +20,132 @@ namespace revisit::models {
 namespace {
 
 namespace fs = std::filesystem;
+
+std::string read_and_sum(const fs::path& file) {
+  const std::string content = read_content(file);
+  unsigned char sum[EVP_MAX_MD_SIZE];
+  size_t length = 0;
+  if (EVP_Q_digest(nullptr, "SHA1", nullptr, content.data(), content.size(), sum, &length) != 1)
+    throw Error("OpenSSL does not support SHA-1 on this system");
+  std::string text;
+  for (size_t i = 0; i < length; ++i) {
+    text += "0123456789abcdef"[sum[i] >> 4];
+    text += "0123456789abcdef"[sum[i] & 15];
+  }
+  return text;
+}
+
+/// Changes with the content; "" if the file cannot be examined.
+std::string state_of(const fs::path& file) {
+  struct stat s {};
+  if (::stat(file.c_str(), &s) != 0) return "";
+  return str(fs::absolute(file).string(), " ", s.st_dev, " ", s.st_ino, " ", s.st_size, " ",
+             s.st_mtim.tv_sec, ".", s.st_mtim.tv_nsec, " ", s.st_ctim.tv_sec, ".",
+             s.st_ctim.tv_nsec);
+}
+
+fs::path environment_path(const char* name) {
+  const char* const value = std::getenv(name);
+  return value ? fs::path(value) : fs::path();
+}
+
+fs::path cached_file(const fs::path& cache, const KnownModel& model) {
+  return cache / model.name / model.file;
+}
+
+bool ends_with_one_of(const std::string& name, std::initializer_list<const char*> endings) {
+  return std::ranges::any_of(endings, [&](const char* ending) { return name.ends_with(ending); });
+}
+
+template <class Iterator>
+std::vector<fs::path> files_of(const fs::path& folder, std::initializer_list<const char*> endings) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (Iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+    if (entry->is_regular_file(error) &&
+        ends_with_one_of(entry->path().filename().string(), endings))
+      files.push_back(entry->path());
+  std::ranges::sort(files);
+  return files;
+}
+
+}  // namespace
+
+std::string file_sha1(const fs::path& file) {
+  static std::mutex mutex;
+  static std::map<std::string, std::string> known;
+  const std::string state = state_of(file);
+  {
+    const std::scoped_lock lock(mutex);
+    if (const auto found = known.find(state); found != known.end()) return found->second;
+  }
+  const std::string sum = read_and_sum(file);
+  const std::scoped_lock lock(mutex);
+  if (state == state_of(file)) known[state] = sum;
+  return sum;
+}
+
+fs::path cache_folder() {
+  if (const fs::path models = environment_path("REVISIT_MODELS"); !models.empty()) return models;
+  // The XDG specification requires to ignore a relative path.
+  if (const fs::path xdg = environment_path("XDG_CACHE_HOME"); xdg.is_absolute())
+    return xdg / "revisit" / "models";
+  if (const fs::path home = environment_path("HOME"); !home.empty())
+    return home / ".cache" / "revisit" / "models";
+  throw UsageError("no folder for models, because HOME is not set; set REVISIT_MODELS");
+}
+
+const char* to_string(CacheState state) {
+  constexpr const char* kNames[] = {"absent", "partial", "unverified", "verified",
+                                    "wrong checksum"};  // in the order of the enumeration
+  return kNames[static_cast<size_t>(state)];
+}
+
+std::vector<fs::path> files_in(const fs::path& folder, std::initializer_list<const char*> endings,
+                               bool below) {
+  return below ? files_of<fs::recursive_directory_iterator>(folder, endings)
+               : files_of<fs::directory_iterator>(folder, endings);
+}
+
+std::optional<fs::path> cached_weights(const fs::path& cache, const KnownModel& model) {
+  std::error_code none;
+  if (const fs::path file = cached_file(cache, model);
+      ends_with_one_of(model.file, kWeights) && fs::is_regular_file(file, none))
+    return file;
+  const std::vector<fs::path> all = files_in(cache / model.name, kWeights);
+  return all.size() == 1 ? std::optional(all[0]) : std::nullopt;
+}
+
+std::map<std::string, fs::path> loose_weights(const fs::path& cache) {
+  std::map<std::string, fs::path> loose;
+  for (const fs::path& file : files_in(cache, kWeights)) loose.emplace(file_sha1(file), file);
+  return loose;
+}
+
+CacheEntry inspect(const fs::path& cache, const KnownModel& model,
+                   const std::map<std::string, fs::path>& loose) {
+  CacheEntry entry;
+  entry.file = cached_file(cache, model);
+  std::error_code none;
+  const auto found = loose.find(model.sha1);
+  if (const auto weights = cached_weights(cache, model); weights)
+    entry.file = *weights;
+  else if (!fs::is_regular_file(entry.file, none) && found != loose.end())
+    entry.file = found->second;
+  if (fs::is_regular_file(entry.file, none)) {
+    entry.size = fs::file_size(entry.file);
+    entry.sha1 = file_sha1(entry.file);
+    entry.state = !model.sha1.empty() && model.sha1 == entry.sha1 ? CacheState::kVerified
+                  : model.sha1.empty() || model.sha1_is_doubtful  ? CacheState::kUnverified
+                                                                  : CacheState::kIncorrect;
+  } else if (const fs::path part = entry.file.string() + ".part"; fs::exists(part, none)) {
+    entry.size = fs::file_size(part, none);
+    entry.state = CacheState::kPartial;
+  }
+  return entry;
+}
+
+namespace {
 
 /// Continues `part`. Returns curl's exit code; curl prints the reason of a failure.
 int run_curl(const std::string& address, const fs::path& part) {

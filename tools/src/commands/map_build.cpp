@@ -1,0 +1,223 @@
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <iostream>
+#include <map>
+#include <thread>
+
+#include "cli/command.h"
+#include "cli/terminal.h"
+#include "loops/open_recognizer.h"
+#include "loops/recognize.h"
+#include "revisit/engine/parallel_for.h"
+#include "revisit/loops/drive_name.h"
+#include "revisit/maps/map_store.h"
+#include "revisit/recognition/align.h"
+#include "revisit/registration/registration.h"
+
+namespace revisit::cli {
+namespace {
+
+/// Per thread and transaction. More mean fewer transactions, and more lost work if a process dies.
+constexpr int64_t kScansAtOnce = 8;
+/// Interval of looking for scans that other processes claimed but did not add.
+constexpr std::chrono::milliseconds kOthersAtWork{250};
+constexpr std::chrono::seconds kBetweenCounts{1};
+
+struct BuildOptions {
+  FeatureOptions feature;
+  MapOptions map;
+
+  void declare(Options& options) {
+    feature.declare(options, Scans::kOneByOne);
+    map.declare(options);
+    options.check([this] {
+      if (map.file.empty()) throw UsageError("missing required option --map FILE");
+    });
+  }
+};
+
+/// drive_in_map() of a recording of at least one scan. Compares the first, a middle and the last of
+/// the scans that the map may have.
+std::string drive_of_recording(const std::vector<ScanRef>& scans, PlaceRecognizer& recognizer,
+                               const std::string& name) {
+  PointCloud first, cloud;
+  for (size_t i = 0; i < scans.size() && first.points.empty(); ++i)
+    describe_scan(scans[i], name, recognizer, first);
+  return drive_in_map(recognizer, name, view_of(first), [&](const DriveEntries& entries) {
+    std::vector<const ScanRef*> common;
+    for (const ScanRef& scan : scans)
+      if (entries.contains(scan.frame)) common.push_back(&scan);
+    if (common.empty()) return may_belong_to(entries, scans.front().frame);
+    // Two recordings may begin alike, so later scans count, too.
+    return std::ranges::all_of(
+        std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
+          const DescribedScan scan = describe_scan(*common[at], name, recognizer, cloud);
+          return !scan.description.described() ||
+                 is_same_scan(recognizer, scan.description, scan.entry.time,
+                              entries.at(common[at]->frame));
+        });
+  });
+}
+
+/// Describes the scans of a drive that the map lacks and adds them.
+class MapBuilder {
+ public:
+  MapBuilder(const BuildOptions& options, const std::vector<ScanRef>& scans,
+             PlaceRecognizer& recognizer, std::string drive)
+      : threads_(options.feature.thread_count()),
+        keeps_clouds_(!options.map.no_clouds),
+        recognizer_(recognizer),
+        drive_(std::move(drive)),
+        progress_("describing", "scans", !options.feature.quiet) {
+    for (const ScanRef& scan : scans) scans_[scan.frame] = &scan;
+    for (const auto& [frame, scan] : scans_) frames_.push_back(frame);
+    recognizer_.add(std::span<const Description>(), {});  // ends a warm-up of a killed process
+  }
+
+  int64_t added() const { return added_; }
+  int64_t skipped() const { return skipped_; }
+
+  void add_missing() {
+    const std::map<int64_t, int64_t> there = recognizer_.entries_of(drive_);
+    std::erase_if(frames_, [&](int64_t frame) { return there.contains(frame); });
+    const auto all = std::ssize(frames_);
+    for (int64_t done = 0; done < all; done += at_once()) {
+      progress_.update(done, all);
+      stop_if_interrupted();
+      describe_and_add(std::span(frames_).subspan(
+          static_cast<size_t>(done), static_cast<size_t>(std::min(at_once(), all - done))));
+    }
+    progress_.update(all, all);
+  }
+
+  /// Returns when no scan is missing, also of the other processes that share the work.
+  void share(WorkQueue& work) {
+    work.enqueue(drive_, frames_);
+    const int64_t missing = work.pending(drive_);
+    using Clock = std::chrono::steady_clock;
+    Clock::time_point next_count;  // counting is slow while much is pending
+    while (true) {
+      if (Clock::now() >= next_count) {
+        const int64_t left = work.pending(drive_);
+        progress_.update(missing - left, missing);
+        if (left == 0) return;
+        next_count = Clock::now() + kBetweenCounts;
+      }
+      stop_if_interrupted();
+      try {
+        if (const auto claim = work.claim(drive_, at_once())) {
+          describe_and_add(claim->frames, claim.get());
+          continue;
+        }
+        // All scans are done or claimed by others.
+        if (work.pending(drive_) > 0) std::this_thread::sleep_for(kOthersAtWork);
+        next_count = {};
+      } catch (const ClaimLost&) {  // other processes have it, or this one again
+      }
+    }
+  }
+
+ private:
+  int64_t at_once() const { return kScansAtOnce * threads_; }
+
+  static void stop_if_interrupted() {
+    if (interrupted())
+      throw Interrupted(
+          "interrupted; the map keeps what was added; run the same command again to resume");
+  }
+
+  const ScanRef& scan_of(int64_t frame) const {
+    const auto found = scans_.find(frame);
+    if (found == scans_.end())
+      throw InputError(
+          "frame ", frame, " of drive '", drive_,
+          "', which the map expects, is not among these scans; give the data of the other "
+          "processes, or another --drive");
+    return *found->second;
+  }
+
+  DescribedScan describe(const ScanRef& scan) const {
+    PointCloud cloud;
+    DescribedScan described = describe_scan(scan, drive_, recognizer_, cloud);
+    if (!keeps_clouds_ || !described.description.described()) return described;
+    transform(recognizer_.mount(), cloud);
+    described.entry.cloud = compact_cloud(cloud, recognizer_.mount());
+    return described;
+  }
+
+  /// `frames`: those of `claim` unless it is null.
+  void describe_and_add(std::span<const int64_t> frames, Claim* claim = nullptr) {
+    std::vector<const ScanRef*> scans;
+    for (const int64_t frame : frames) scans.push_back(&scan_of(frame));
+    std::vector<DescribedScan> described(scans.size());
+    parallel_for(std::ssize(scans), threads_, [&](int64_t i) {
+      described[static_cast<size_t>(i)] = describe(*scans[static_cast<size_t>(i)]);
+    });
+    std::vector<Description> good;
+    std::vector<MapEntry> entries;
+    std::map<int64_t, std::string> skipped;
+    for (DescribedScan& scan : described) {
+      if (!scan.description.described()) {
+        skipped[scan.entry.frame] = scan.description.error;
+        continue;
+      }
+      entries.push_back(std::move(scan.entry));
+      good.push_back(std::move(scan.description));
+    }
+    if (claim != nullptr) claim->skipped = skipped;
+    recognizer_.add(good, std::move(entries), claim);
+    added_ += std::ssize(good);
+    skipped_ += std::ssize(skipped);
+    for (const auto& [frame, why] : skipped) warn_skipped(why);
+  }
+
+  const int threads_;
+  const bool keeps_clouds_;
+  PlaceRecognizer& recognizer_;
+  const std::string drive_;
+  Progress progress_;
+  std::map<int64_t, const ScanRef*> scans_;  // by frame
+  std::vector<int64_t> frames_;
+  int64_t added_ = 0, skipped_ = 0;  // by this process
+};
+
+int build_all(BuildOptions& o) {
+  const Dataset dataset = open_scans(o.feature);
+  RecognizerSource source = recognizer_source(o.feature, dataset, o.map.file, ScansAtOnce::kMany);
+  source.options.warmup = o.map.warmup;
+  const NewMap new_map(o.map.file);
+  PlaceRecognizer recognizer(source.extractor, source.options, o.map.open(source), warn);
+  const auto shared = open_work_queue(o.map.file);
+  const std::vector<ScanRef> scans = with_sensor_poses(dataset);
+  const std::string name = o.map.drive_of(dataset),
+                    drive = drive_of_recording(scans, recognizer, name);
+  if (drive != name && !o.feature.quiet)
+    note(str("the map has another recording '", name, "'; this one is stored as '", drive, "'"));
+  MapBuilder builder(o, scans, recognizer, drive);
+  if (shared)
+    builder.share(*shared);
+  else
+    builder.add_missing();
+  if (!o.feature.quiet)
+    std::cout << display_name(o.map.file) << ": " << recognizer.size() << " entries, "
+              << builder.added() << " added by this process"
+              << (builder.skipped() > 0 ? str(", ", builder.skipped(), " scans skipped") : "")
+              << "\n";
+  return builder.skipped() > 0 ? kScansSkipped : kOk;
+}
+
+}  // namespace
+
+Command map_build_command() {
+  return {"build", "describe a data set and add it to a map",
+          "Describes the scans that a map lacks and adds them. Any number of processes and "
+          "machines can fill a map on a server together: each claims some scans at a time, and the "
+          "others take over the claims of a process that ends. If interrupted, run the same "
+          "command again to resume.",
+          "  revisit map build town --map town.map\n"
+          "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n",
+          with_options<BuildOptions>(build_all)};
+}
+
+}  // namespace revisit::cli
