@@ -170,8 +170,8 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
   const std::string command = cli::command_of(
       parsed({"/data", "--model", "bvlc_alexnet", "--weights", "w.caffemodel", "--pca", "pca",
               "--radius", "2.9999999", "--geometry", "max-range=1234567", "--memory", "0.1"}));
-  const std::string of_images = cli::command_of(
-      parsed({"/data", "--feature", "fabmap", "--images", "pca,pca"}));
+  const std::string of_images =
+      cli::command_of(parsed({"/data", "--feature", "fabmap", "--images", "pca,pca"}));
   fs::current_path(before);
   const std::string nets = "'" + (dir_ / "my nets").string();
   for (const std::string& part :
@@ -179,14 +179,13 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
         " --pca " + nets + "/pca' ", std::string(" --geometry max-range=1234567 "),
         std::string(" --memory 0.1 ")})
     EXPECT_HAS(command, part);
-  EXPECT_EQ(of_images, "revisit eval /data --feature fabmap --images " + nets +
-                           "/pca," + nets.substr(1) + "/pca'");
+  EXPECT_EQ(of_images, "revisit eval /data --feature fabmap --images " + nets + "/pca," +
+                           nets.substr(1) + "/pca'");
   EXPECT_TRUE(command.ends_with(" --radius 2.9999999")) << command;
 }
 
 TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
-  for (const char* option :
-       {"--end pool5", "--mean 1,2,nan", "--candidates 5", "--images x"}) {
+  for (const char* option : {"--end pool5", "--mean 1,2,nan", "--candidates 5", "--images x"}) {
     expect_exit(2, {" belongs to --feature "}, eval(std::string("--no-report ") + option));
   }
   expect_exit(2, {}, describe("--end pool5", "results"));
