@@ -1,5 +1,8 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
+#include <numeric>
 
 #include "feature_panels.h"
 #include "revisit/base/error.h"
@@ -68,6 +71,19 @@ FloatMatrix PcaModel::project(const FeatureFiles& files, const PcaOptions& optio
   std::transform(sums.begin(), sums.end(), descriptors.values.begin(),
                  [](double sum) { return static_cast<float>(sum); });
   return descriptors;
+}
+
+void PcaModel::project(std::span<const float> feature, std::span<float> descriptor) const {
+  std::vector<float> centered(feature.size());
+  std::ranges::transform(feature, mean_, centered.begin(), std::minus());
+  for (size_t i = 0; i < descriptor.size(); ++i) {
+    // Eight partial sums, which the compiler vectorizes.
+    const auto direction = basis_.row(static_cast<int64_t>(i));
+    std::array<double, 8> sums{};
+    for (size_t j = 0; j < centered.size(); ++j)
+      sums[j % 8] += static_cast<double>(direction[j]) * static_cast<double>(centered[j]);
+    descriptor[i] = static_cast<float>(std::accumulate(sums.begin(), sums.end(), 0.0));
+  }
 }
 
 }  // namespace revisit

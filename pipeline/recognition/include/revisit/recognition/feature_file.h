@@ -156,6 +156,8 @@ class PcaModel {
   /// (at most those of the model; fewer keep the first ones), memory, threads, progress and stop.
   /// Throws InputError if the features have another dimension or are not finite; Interrupted.
   FloatMatrix project(const FeatureFiles& files, const PcaOptions& options = {}) const;
+  /// Projects one feature [dim()] to as many components as `descriptor` has elements.
+  void project(std::span<const float> feature, std::span<float> descriptor) const;
 
  private:
   std::filesystem::path folder_;
