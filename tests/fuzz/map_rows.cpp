@@ -45,14 +45,14 @@ std::string blob(Bytes& bytes, size_t usual) {
 }
 
 void add_entry(SqlDriver& map, Bytes& bytes, int64_t id, const MapHeader& header) {
-  MapEntry entry;
-  entry.drive = bytes.text(bytes.up_to(3));
-  entry.frame = bytes.number<int64_t>();
-  if (bytes.up_to(1) == 1) entry.time = bytes.number<double>();
+  EntryRow row{.drive = bytes.text(bytes.up_to(3)), .frame = bytes.number<int64_t>()};
+  if (bytes.up_to(1) == 1) row.time = bytes.number<double>();
   const auto numbers =
       static_cast<size_t>(bytes.up_to(1) == 1 ? known().rings.dim : known().dimensions);
-  const EntryRow row{blob(bytes, 96), blob(bytes, 4 * numbers), blob(bytes, 128)};
-  write_entry(map, kInsertEntry, id, entry, row, header.revision);
+  row.pose = blob(bytes, 96);
+  row.descriptor = blob(bytes, 4 * numbers);
+  row.feature = blob(bytes, 128);
+  write_entry(map, kInsertEntry, id, std::move(row), header.revision);
 }
 
 void add_value(SqlDriver& map, Bytes& bytes, int64_t id) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include "revisit/base/error.h"
@@ -40,10 +39,10 @@ struct Kept {
   std::optional<KeptThreshold> threshold;
   std::optional<Calibration> calibration, verified;
 
-  Kept(const std::function<std::string(const char*)>& value, const MapStore::Warn& warn) {
+  Kept(const MapStore& map, const MapStore::Warn& warn) {
     const auto read = [&](const char* name, const auto& parse) {
       try {
-        if (const std::string bytes = value(name); !bytes.empty()) parse(bytes);
+        if (const auto bytes = map.value(name); bytes && !bytes->empty()) parse(*bytes);
       } catch (const InputError& error) {
         warn(error.what());
       }
@@ -76,7 +75,7 @@ Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& optio
 }  // namespace
 
 void check_kept(const MapStore& map, const MapStore::Warn& report) {
-  Kept([&](const char* name) { return map.value(name).value_or(""); }, report);
+  Kept(map, report);
 }
 
 void check_threshold(std::optional<double> threshold) {
@@ -85,7 +84,7 @@ void check_threshold(std::optional<double> threshold) {
 }
 
 Acceptance::Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options,
-                       MapStore* map, const MapStore::Warn& warn)
+                       MapStore& map, const MapStore::Warn& warn)
     : extractor_(extractor),
       options_(options),
       score_(score_of(extractor, options)),
@@ -102,11 +101,7 @@ void Acceptance::refresh() {
   const auto ignore = [&](const std::string& what) {
     if (warned_.insert(what).second) warn_(what + ": ignored; calibrate the map again");
   };
-  Kept kept(
-      [&](const char* name) {
-        return map_ != nullptr ? map_->value(name).value_or("") : values_[name];
-      },
-      ignore);
+  Kept kept(map_, ignore);
   bool skipped = false;
   const auto skip_unless = [&](bool usable, auto& one) {
     if (!one || usable) return;
@@ -140,10 +135,7 @@ void Acceptance::keep(const std::string& content, const std::string& text) {
 }
 
 void Acceptance::keep_value(const char* name, const std::string& bytes) {
-  if (map_ == nullptr)
-    values_[name] = bytes;
-  else if (!bytes.empty() || has_value(*map_, name))
-    map_->set_value(name, bytes);
+  if (!bytes.empty() || has_value(map_, name)) map_.set_value(name, bytes);
 }
 
 void Acceptance::calibrate(double threshold) {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -12,8 +11,8 @@ namespace revisit {
 /// Precedence: options, the map's calibration, the feature's. Keeps references to its arguments.
 class Acceptance {
  public:
-  /// Without a map this object stores the calibration. `warn` gets each message once.
-  Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore* map,
+  /// `warn` gets each message once.
+  Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore& map,
              const MapStore::Warn& warn);
 
   Score score() const { return score_; }
@@ -36,9 +35,8 @@ class Acceptance {
   const FeatureExtractor& extractor_;
   const RecognizerOptions& options_;
   Score score_;
-  MapStore* map_;
+  MapStore& map_;
   const MapStore::Warn& warn_;
-  std::map<std::string, std::string> values_;  // without a map
   std::optional<Calibration> calibration_, verified_;
   std::optional<double> threshold_;
   bool is_own_ = false;

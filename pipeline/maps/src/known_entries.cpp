@@ -1,6 +1,7 @@
 #include "known_entries.h"
 
 #include <algorithm>
+#include <bit>
 #include <thread>
 #include <utility>
 
@@ -10,6 +11,9 @@
 
 namespace revisit {
 namespace {
+
+/// The warm-up ends after this many entries for each distinct one that it should have.
+constexpr int64_t kMaxEntriesPerDistinct = 5;
 
 Projection unchanged_projection(const FeatureExtractor& extractor) {
   Projection projection;
@@ -36,14 +40,69 @@ std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& excluded,
 }  // namespace
 
 KnownEntries::KnownEntries(const FeatureExtractor& extractor, const RecognizerOptions& options,
-                           Score score)
-    : extractor_(extractor), options_(options), score_(score) {
-  warm_up_.emplace(extractor, options.warmup);
-  if (!extractor.fit_projection) set_projection(unchanged_projection(extractor));
+                           MapStore& map, Acceptance& acceptance, const MapStore::Warn& warn)
+    : extractor_(extractor), options_(options), map_(map), acceptance_(acceptance), warn_(warn) {
+  features_.d = extractor.dim;
+  if (!extractor.fit_projection) complete(unchanged_projection(extractor));
+  load_updates();
 }
 
+void KnownEntries::load_updates() {
+  is_behind_ = true;
+  read_new_entries();
+  update();
+  if (read_to_.removed > removals_known_)
+    for (const int64_t id : map_.removed(removals_known_))
+      if (const auto index = find(id)) remove_index(*index);
+  removals_known_ = read_to_.removed;
+  is_behind_ = false;
+}
+
+void KnownEntries::read_new_entries() {
+  look_for_projection();
+  acceptance_.refresh();
+  if (is_complete()) {
+    const auto take = [&](MapEntry&& entry) {
+      const int64_t id = entry.id;
+      take_in(std::move(entry));
+      read_to_.last = id;
+    };
+    read_to_ = map_.read(read_to_.last, take, warn_);
+    return;
+  }
+  std::vector<MapEntry> entries_read;
+  const MapState state = map_.read(
+      read_to_.last, [&](MapEntry&& entry) { entries_read.push_back(std::move(entry)); }, warn_);
+  // Another process may have completed the warm-up meanwhile: then these have no features.
+  look_for_projection();
+  read_to_ = state;
+  for (MapEntry& entry : entries_read) take_in(std::move(entry));
+}
+
+void KnownEntries::look_for_projection() {
+  if (is_complete()) return;
+  if (const auto content = map_.value(kProjectionValue))
+    complete(extractor_.open_projection(*content));
+}
+
+/// The index holds the values; swap() frees their memory, unlike clear().
+void KnownEntries::take_in(MapEntry entry) {
+  if (const std::string misfit = misfit_of(entry); !misfit.empty()) return warn_(misfit);
+  if (!is_complete())
+    collect(entry.feature);
+  else if (entry.feature.empty())
+    index_->add(entry.descriptor);
+  else  // loaded before the projection was final
+    index_->add(descriptor_of(entry.feature));
+  std::vector<float>().swap(entry.descriptor);
+  std::vector<float>().swap(entry.feature);
+  std::string().swap(entry.cloud);
+  entries_.push_back(std::move(entry));
+}
+
+/// Reason why an entry of a map, which may be untrusted, cannot be taken in; "" if it can.
 std::string KnownEntries::misfit_of(const MapEntry& entry) const {
-  const bool by_feature = !is_final() || !entry.feature.empty();
+  const bool by_feature = !is_complete() || !entry.feature.empty();
   const std::vector<float>& numbers = by_feature ? entry.feature : entry.descriptor;
   const int64_t expected = by_feature ? extractor_.dim : projection_->dim;
   std::string found;
@@ -56,31 +115,99 @@ std::string KnownEntries::misfit_of(const MapEntry& entry) const {
              " has ", found);
 }
 
-/// The index holds the values; swap() frees their memory, unlike clear().
-void KnownEntries::add(MapEntry entry) {
-  if (warm_up_)
-    warm_up_->add(entry.feature);
-  else if (entry.feature.empty())
-    index_->add(entry.descriptor);
-  else  // loaded before the projection was final
-    index_->add(descriptor_of(entry.feature));
-  std::vector<float>().swap(entry.descriptor);
-  std::vector<float>().swap(entry.feature);
-  std::string().swap(entry.cloud);
-  entries_.push_back(std::move(entry));
+std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries, Claim* claim) {
+  std::vector<std::vector<float>> features;
+  for (MapEntry& entry : entries) features.push_back(std::exchange(entry.feature, {}));
+  std::vector<int64_t> ids;
+  while (true) {
+    for (size_t i = 0; i < entries.size(); ++i) {
+      entries[i].feature = is_complete() ? std::vector<float>() : features[i];
+      entries[i].descriptor = is_complete() ? descriptor_of(features[i]) : features[i];
+    }
+    ids = claim != nullptr ? claim->add(entries, read_to_.revision)
+                           : map_.add(entries, read_to_.revision);
+    if (ids.size() == entries.size()) break;
+    load_updates();
+  }
+  if (!ids.empty() && ids.front() != read_to_.last + 1) {
+    load_updates();
+  } else {
+    for (size_t i = 0; i < ids.size(); ++i) {
+      entries[i].id = read_to_.last = ids[i];
+      take_in(std::move(entries[i]));
+    }
+    update();
+  }
+  if (state_ == State::kProjected) store_projection();
+  return ids;
 }
 
+/// If several processes do so, the others load that of the first one. Errors are only reported,
+/// because the entry is already in the map and loaded; the next add() tries again.
+void KnownEntries::store_projection() {
+  try {
+    const bool is_first = map_.replace_descriptors(
+        [&](const MapEntry& entry) {
+          return misfit_of(entry).empty() ? descriptor_of(entry.feature) : entry.descriptor;
+        },
+        {{kProjectionValue, projection_->content}}, read_to_.revision);
+    if (!is_first) return load_updates();
+    ++read_to_.revision;
+    state_ = State::kComplete;
+    features_ = {};
+    use_graph();
+  } catch (const Error& error) {
+    warn_(str("the warm-up could not be completed and is tried again: ", error.what()));
+  }
+}
+
+/// During the warm-up. All features are kept, because entries between distinct ones are described
+/// again, too.
+void KnownEntries::collect(std::span<const float> feature) {
+  features_.values.insert(features_.values.end(), feature.begin(), feature.end());
+  ++features_.n;
+  if (state_ == State::kProjected) return;
+  if (is_distinct(feature)) distinct_.push_back(features_.n - 1);
+  if (std::ssize(distinct_) == options_.warmup ||
+      features_.n / kMaxEntriesPerDistinct == options_.warmup)
+    state_ = State::kProjected;
+}
+
+bool KnownEntries::is_distinct(std::span<const float> feature) {
+  if (distinct_.empty() || !extractor_.comparison.same_place) return true;
+  estimate_projection();
+  return projection_->comparison.similarity_of(descriptor_of(feature),
+                                               descriptor_of(features_.row(distinct_.back()))) <
+         *extractor_.comparison.same_place;
+}
+
+void KnownEntries::estimate_projection() {
+  const auto n = std::ssize(distinct_);
+  const int64_t from = state_ == State::kProjected
+                           ? n
+                           : static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(n)));
+  if (from == estimated_from_) return;
+  projection_ = extractor_.fit_projection(features_.rows(),
+                                          std::span(distinct_).first(static_cast<size_t>(from)));
+  estimated_from_ = from;
+}
+
+void KnownEntries::complete(Projection projection) {
+  projection_ = std::move(projection);
+  begin_index();
+  for (int64_t i = 0; i < size(); ++i) index_->add(descriptor_of(features_.row(i)));
+  state_ = State::kComplete;
+  features_ = {};
+}
+
+/// Describes the entries that were taken in.
 void KnownEntries::update() {
   if (entries_.empty()) return;
-  if (warm_up_) {
-    const Projection& estimated = warm_up_->projection();
-    if (fitted_to_ != warm_up_->estimated_from()) {
-      projection_ = estimated;
-      begin_index();
-      fitted_to_ = warm_up_->estimated_from();
-    }
-    for (int64_t i = index_->size(); i < size(); ++i)
-      index_->add(descriptor_of(warm_up_->features().row(i)));
+  if (!is_complete()) {
+    estimate_projection();
+    if (indexed_from_ != estimated_from_) begin_index();
+    indexed_from_ = estimated_from_;
+    for (int64_t i = index_->size(); i < size(); ++i) index_->add(descriptor_of(features_.row(i)));
   }
   if (stretches_) stretches_->add(entries_, *index_);
   use_graph();
@@ -90,39 +217,30 @@ void KnownEntries::begin_index() {
   index_.emplace(projection_->dim, projection_->comparison);
   has_graph_ = false;
   stretches_.reset();
-  if (score_ == Score::kDistinctMargin && projection_->comparison.same_place)
+  if (acceptance_.score() == Score::kDistinctMargin && projection_->comparison.same_place)
     stretches_.emplace(*projection_->comparison.same_place);
 }
 
 void KnownEntries::use_graph() {
-  if (options_.hnsw_candidates == 0 || has_graph_ || !is_final()) return;
+  if (options_.hnsw_candidates == 0 || has_graph_ || !is_complete()) return;
   const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   index_->set_candidate_source(make_hnsw_source(*index_, threads), options_.hnsw_candidates);
   has_graph_ = true;
 }
 
-void KnownEntries::remove_ids(std::span<const int64_t> ids) {
-  for (const int64_t id : ids)
-    if (const auto index = find(id)) remove(*index);
+int64_t KnownEntries::remove(std::span<const int64_t> indices) {
+  std::vector<int64_t> ids;
+  for (const int64_t index : indices) ids.push_back(at(index).id);
+  map_.remove(ids);
+  return std::ranges::count_if(indices, [&](int64_t index) { return remove_index(index); });
 }
 
-bool KnownEntries::remove(int64_t index) {
+/// Returns false if the entry was removed before.
+bool KnownEntries::remove_index(int64_t index) {
   const auto at = std::ranges::lower_bound(removed_, index);
   if (at != removed_.end() && *at == index) return false;
   removed_.insert(at, index);
   return true;
-}
-
-void KnownEntries::set_projection(Projection projection) {
-  projection_ = std::move(projection);
-  begin_index();
-  for (int64_t i = 0; i < size(); ++i) index_->add(descriptor_of(warm_up_->features().row(i)));
-  warm_up_.reset();
-}
-
-void KnownEntries::end_warm_up() {
-  warm_up_.reset();
-  use_graph();
 }
 
 std::vector<float> KnownEntries::descriptor_of(std::span<const float> feature) const {
@@ -184,7 +302,7 @@ Match KnownEntries::best(const Description& scan, std::span<const int64_t> witho
   const auto middle = excluded.insert(excluded.end(), removed_.begin(), removed_.end());
   std::ranges::inplace_merge(excluded, middle);
   return index_->best(descriptor_of(scan.feature), ranges_without(excluded, index_->size()),
-                      {.k = options_.k, .score = score_});
+                      {.k = options_.k, .score = acceptance_.score()});
 }
 
 double KnownEntries::similarity(const Description& scan, int64_t index) const {

@@ -7,37 +7,39 @@
 #include <string>
 #include <vector>
 
+#include "acceptance.h"
 #include "revisit/maps/place_recognizer.h"
+#include "revisit/recognition/matrix.h"
 #include "revisit/recognition/place_index.h"
 #include "stretches.h"
-#include "warm_up.h"
 
 namespace revisit {
 
+/// Entries of a map in memory. Adds entries, and loads changes by other processes.
+///
+/// The first entries are the warm-up, from which the descriptor projection is estimated. Only
+/// distinct entries count, so that a halt or dense sampling does not bias the projection. An entry
+/// is distinct if it does not look like the last distinct one (Comparison::same_place) under the
+/// projection of the preceding ones; without a same_place every entry is. The result depends only
+/// on the order of the entries, so that all readers of a map obtain the same projection.
+///
 /// Indices of entries never change, also after removals. Keeps references to its arguments.
 class KnownEntries {
  public:
-  KnownEntries(const FeatureExtractor& extractor, const RecognizerOptions& options, Score score);
+  KnownEntries(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore& map,
+               Acceptance& acceptance, const MapStore::Warn& warn);
 
-  /// Reason why an entry of a map, which may be untrusted, cannot be added; "" if it can.
-  std::string misfit_of(const MapEntry& entry) const;
-  /// The caller must call update() afterwards.
-  void add(MapEntry entry);
-  /// Describes added entries. During the warm-up the projection is estimated again whenever the
-  /// number of distinct entries has doubled, and when the warm-up ends.
-  void update();
-  void remove_ids(std::span<const int64_t> ids);
-  /// Returns false if the entry was removed before.
-  bool remove(int64_t index);
+  /// After an error the next call continues with the rest.
+  void load_updates();
+  bool has_updates() const { return is_behind_ || map_.has_updates(); }
+  /// The entries must have features; they follow those that other processes added before. Also
+  /// completes the warm-up. The final projection depends on the warm-up alone, not on batches or
+  /// kills.
+  std::vector<int64_t> add(std::vector<MapEntry> entries, Claim* claim);
+  /// Removes entries from the map, too. Returns the number removed now.
+  int64_t remove(std::span<const int64_t> indices);
 
-  bool is_final() const { return !warm_up_; }
-  bool warm_up_is_over() const { return warm_up_ && warm_up_->is_over(); }
-  void set_projection(Projection projection);
-  /// Makes the estimated projection final.
-  void end_warm_up();
-  const Projection& projection() const { return *projection_; }
-  std::vector<float> descriptor_of(std::span<const float> feature) const;
-
+  bool is_complete() const { return state_ == State::kComplete; }
   int64_t size() const { return std::ssize(entries_); }
   /// Without descriptor and feature. Throws UsageError for an invalid index.
   const MapEntry& at(int64_t index) const;
@@ -54,17 +56,44 @@ class KnownEntries {
   double similarity(const Description& scan, int64_t index) const;
 
  private:
+  enum class State {
+    kCollecting,  // the projection is estimated from the first 1, 2, 4, ... distinct entries
+    kProjected,   // it is estimated from all entries of the warm-up, but the map does not have it
+    kComplete     // the map has the projection; features are not kept
+  };
+
+  void read_new_entries();
+  void look_for_projection();
+  void take_in(MapEntry entry);
+  std::string misfit_of(const MapEntry& entry) const;
+  void collect(std::span<const float> feature);
+  bool is_distinct(std::span<const float> feature);
+  void estimate_projection();
+  void store_projection();
+  void complete(Projection projection);
+  void update();
   void begin_index();
   void use_graph();
+  bool remove_index(int64_t index);
+  std::vector<float> descriptor_of(std::span<const float> feature) const;
 
   const FeatureExtractor& extractor_;
   const RecognizerOptions& options_;
-  const Score score_;
-  std::vector<MapEntry> entries_;
-  std::vector<int64_t> removed_;   // ascending
-  std::optional<WarmUp> warm_up_;  // until the projection is final
+  MapStore& map_;
+  Acceptance& acceptance_;
+  const MapStore::Warn& warn_;
+  MapState read_to_;
+  int64_t removals_known_ = 0;
+  bool is_behind_ = false;
+
+  State state_ = State::kCollecting;
+  FloatMatrix features_;           // of all entries, until the warm-up is complete
+  std::vector<int64_t> distinct_;  // of the warm-up
   std::optional<Projection> projection_;
-  int64_t fitted_to_ = 0;
+  int64_t estimated_from_ = 0, indexed_from_ = 0;  // distinct entries
+
+  std::vector<MapEntry> entries_;
+  std::vector<int64_t> removed_;     // ascending
   std::optional<PlaceIndex> index_;  // has all entries after update()
   bool has_graph_ = false;
   std::optional<Stretches> stretches_;  // none without Comparison::same_place

@@ -66,4 +66,7 @@ class MapFile {
   uintmax_t bytes_ = 0;
 };
 
+/// A map for this object only, in a nameless file on the disk, because clouds need space.
+std::unique_ptr<MapStore> temporary_map(const MapFingerprint& fingerprint);
+
 }  // namespace revisit

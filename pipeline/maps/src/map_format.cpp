@@ -154,7 +154,8 @@ EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number) 
   check_drive(entry.drive, of + ": ");
   if (entry.time && !std::isfinite(*entry.time))
     throw UsageError(of, ": its time is not finite: ", *entry.time);
-  EntryRow row;
+  EntryRow row{.drive = entry.drive, .frame = entry.frame, .time = entry.time};
+  if (row.time) *row.time += 0.0;  // databases have no -0
   if (entry.pose) {
     const PoseNumbers numbers = entry.pose->matrix().topRows<3>();
     if (!numbers.allFinite()) throw UsageError(of, ": its pose has numbers that are not finite");
@@ -168,7 +169,7 @@ EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number) 
   return row;
 }
 
-int64_t checksum_of(int64_t id, const RowView& row) {
+int64_t checksum_of(int64_t id, const EntryRow& row) {
   return Checksum()
       .number(id)
       .bytes(row.drive)
@@ -182,14 +183,7 @@ int64_t checksum_of(int64_t id, const RowView& row) {
       .value();
 }
 
-RowView view_of(const MapEntry& entry, const EntryRow& row, int64_t revision) {
-  RowView view{entry.drive,    entry.frame, entry.time, row.pose,
-               row.descriptor, row.feature, revision,   0};
-  if (view.time) *view.time += 0.0;  // databases have no -0
-  return view;
-}
-
-std::string take_row(int64_t id, const RowView& row, const MapHeader& header, MapEntry& entry) {
+std::string take_row(int64_t id, const EntryRow& row, const MapHeader& header, MapEntry& entry) {
   if (checksum_of(id, row) != row.checksum) return "its checksum is wrong";
   if (row.revision != header.revision) return "it is older than the map's other descriptors";
 
@@ -197,7 +191,7 @@ std::string take_row(int64_t id, const RowView& row, const MapHeader& header, Ma
   if (row.descriptor.size() % static_cast<size_t>(bytes_of(header.format)) != 0 ||
       row.feature.size() % 4 != 0 || (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))
     return "its columns have impossible lengths";
-  entry = {.id = id, .drive = std::string(row.drive), .frame = row.frame, .time = row.time};
+  entry = {.id = id, .drive = row.drive, .frame = row.frame, .time = row.time};
   if (!row.pose.empty()) {
     const std::vector<double> numbers = numbers_of<double>(row.pose);
     entry.pose = Eigen::Isometry3d::Identity();

@@ -82,35 +82,29 @@ int64_t checksum_of(const Counts& counts);
 int64_t removed_checksum(int64_t id, int64_t entry);
 int64_t cloud_checksum(int64_t id, std::string_view bytes);
 
-/// Little-endian, the machine's own byte order.
+/// Columns of an entry except the id. Bytes are little-endian, the machine's own byte order.
 struct EntryRow {
+  std::string drive;
+  int64_t frame = 0;
+  std::optional<double> time;
   std::string pose;        // "", or 12 float64 [3][4]
   std::string descriptor;  // float32 or float16
   std::string feature;     // float32
+  int64_t revision = 0, checksum = 0;
 };
 
-/// `number`: index in the call, from 1. Throws UsageError for values that cannot be stored.
+/// Without revision and checksum. `number`: index in the call, from 1. Throws UsageError for values
+/// that cannot be stored.
 EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number);
+int64_t checksum_of(int64_t id, const EntryRow& row);
+/// Returns "", or the problem of the row.
+std::string take_row(int64_t id, const EntryRow& row, const MapHeader& header, MapEntry& entry);
 
 /// Throws UsageError for a name with a zero byte, at which a server would truncate it.
 void check_drive(const std::string& drive, const std::string& of = "");
 
 /// `entries`: number of entries ever added. Throws UsageError for other ids.
 std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t entries);
-
-/// Columns except the id, without ownership.
-struct RowView {
-  std::string_view drive;
-  int64_t frame = 0;
-  std::optional<double> time;
-  std::string_view pose, descriptor, feature;
-  int64_t revision = 0, checksum = 0;
-};
-/// The checksum is not set; see checksum_of().
-RowView view_of(const MapEntry& entry, const EntryRow& row, int64_t revision);
-int64_t checksum_of(int64_t id, const RowView& row);
-/// Returns "", or the problem of the row.
-std::string take_row(int64_t id, const RowView& row, const MapHeader& header, MapEntry& entry);
 
 /// Limit of magnitudes, so that sums of products of a few values do not overflow floats.
 inline constexpr float kLargest = 1e9F;

@@ -64,7 +64,7 @@ std::vector<int64_t> MapStore::add(std::span<const MapEntry> entries,
     if (revision && *revision != current) return ids;
     for (size_t i = 0; i < rows.size(); ++i) {
       ids.push_back(++counts.entries);
-      write_entry(*driver_, kInsertEntry, ids.back(), entries[i], rows[i], current);
+      write_entry(*driver_, kInsertEntry, ids.back(), rows[i], current);
       if (!entries[i].cloud.empty()) write_cloud(*driver_, ids.back(), entries[i].cloud);
     }
     write_counts(*driver_, counts);
@@ -169,7 +169,7 @@ bool MapStore::replace_descriptors(
     const auto replace = [&](MapEntry&& entry) {
       entry.descriptor = descriptor_of(entry);
       entry.feature.clear();
-      write_entry(*driver_, kReplaceEntry, entry.id, entry,
+      write_entry(*driver_, kReplaceEntry, entry.id,
                   entry_row(entry, header.format, static_cast<size_t>(entry.id)), revision + 1);
     };
     for_each_entry(*driver_, header, after, last, replace, [](int64_t, const std::string&) {});

@@ -57,12 +57,12 @@ void check_number_of_values(SqlDriver& driver, const Counts& counts) {
 std::string problem_of(const SqlRow& row, int64_t id, const MapHeader& header, MapEntry& entry) {
   try {
     return take_row(id,
-                    {.drive = row.bytes(1),
+                    {.drive = std::string(row.bytes(1)),
                      .frame = row.integer(2),
                      .time = row.real(3),
-                     .pose = row.bytes(4),
-                     .descriptor = row.bytes(5),
-                     .feature = row.bytes(6),
+                     .pose = std::string(row.bytes(4)),
+                     .descriptor = std::string(row.bytes(5)),
+                     .feature = std::string(row.bytes(6)),
                      .revision = row.integer(7),
                      .checksum = row.integer(8)},
                     header, entry);
@@ -130,13 +130,11 @@ void write_counts(SqlDriver& driver, const Counts& counts) {
       {counts.entries, counts.values, checksum_of(counts)});
 }
 
-void write_entry(SqlDriver& driver, const char* sql, int64_t id, const MapEntry& entry,
-                 const EntryRow& row, int64_t revision) {
-  const RowView view = view_of(entry, row, revision);
-  driver.execute(
-      sql, {id, view.drive, view.frame, view.time ? SqlValue(*view.time) : SqlValue(nullptr),
-            null_if_empty(view.pose), Blob{view.descriptor}, null_if_empty(view.feature), revision,
-            checksum_of(id, view)});
+void write_entry(SqlDriver& driver, const char* sql, int64_t id, EntryRow row, int64_t revision) {
+  row.revision = revision;
+  driver.execute(sql, {id, row.drive, row.frame, row.time ? SqlValue(*row.time) : nullptr,
+                       null_if_empty(row.pose), Blob{row.descriptor}, null_if_empty(row.feature),
+                       revision, checksum_of(id, row)});
 }
 
 int64_t for_each_entry(SqlDriver& driver, const MapHeader& header, int64_t& after, int64_t last,

@@ -28,8 +28,7 @@ Counts lock_counts(SqlDriver& driver);
 void write_counts(SqlDriver& driver, const Counts& counts);
 
 /// `sql`: kInsertEntry or kReplaceEntry.
-void write_entry(SqlDriver& driver, const char* sql, int64_t id, const MapEntry& entry,
-                 const EntryRow& row, int64_t revision);
+void write_entry(SqlDriver& driver, const char* sql, int64_t id, EntryRow row, int64_t revision);
 inline constexpr const char* kInsertEntry =
     "INSERT INTO entry (id, drive, frame, time, pose, descriptor, feature, revision, checksum) "
     "VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)";

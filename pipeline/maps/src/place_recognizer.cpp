@@ -8,10 +8,9 @@
 
 #include "acceptance.h"
 #include "known_entries.h"
-#include "map_follower.h"
+#include "map_file.h"
 #include "map_format.h"
 #include "revisit/base/error.h"
-#include "revisit/base/files.h"
 #include "revisit/base/text.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/optional_library.h"
@@ -74,34 +73,6 @@ class ScanDescriber {
   mutable std::vector<std::unique_ptr<Worker>> idle_;
 };
 
-/// Points of entries without a map, 20 kB each, in a temporary file instead of memory.
-class SpilledClouds {
- public:
-  /// Moves the clouds to the file. Throws Error if they cannot be written; then none is moved.
-  void take(std::span<MapEntry> entries) {
-    std::string clouds;
-    for (const MapEntry& entry : entries) clouds += entry.cloud;
-    if (!clouds.empty()) {
-      if (!file_) file_.emplace();
-      file_->append(std::as_bytes(std::span(clouds)));
-    }
-    for (MapEntry& entry : entries) {
-      ends_.push_back(ends_.back() + std::ssize(entry.cloud));
-      std::string().swap(entry.cloud);
-    }
-  }
-  std::string of(int64_t entry) const {
-    const auto at = static_cast<size_t>(entry);
-    std::string cloud(static_cast<size_t>(ends_[at + 1] - ends_[at]), '\0');
-    if (!cloud.empty()) file_->read(ends_[at], std::as_writable_bytes(std::span(cloud)));
-    return cloud;
-  }
-
- private:
-  std::optional<UnnamedFile> file_;
-  std::vector<int64_t> ends_ = {0};  // ends of the clouds in the file, after a 0
-};
-
 }  // namespace
 
 struct PlaceRecognizer::Impl {
@@ -109,24 +80,23 @@ struct PlaceRecognizer::Impl {
   const RecognizerOptions options;
   const MapStore::Warn warn;
   const ScanDescriber describer;
-  std::unique_ptr<MapStore> map;
+  const bool has_map;
+  const std::unique_ptr<MapStore> map;
 
   mutable std::shared_mutex mutex;  // guards the following members and the map
   Acceptance acceptance;
   KnownEntries entries;
-  std::optional<MapFollower> follower;
-  SpilledClouds clouds;
 
-  Impl(FeatureExtractor feature, const RecognizerOptions& chosen, MapStore* map_to_be,
+  Impl(FeatureExtractor feature, const RecognizerOptions& chosen, std::unique_ptr<MapStore>&& store,
        MapStore::Warn say)
       : extractor(std::move(feature)),
         options(chosen),
         warn(say ? std::move(say) : [](const std::string&) {}),
         describer(extractor, options),
-        acceptance(extractor, options, map_to_be, warn),
-        entries(extractor, options, acceptance.score()) {
-    if (map_to_be != nullptr) follower.emplace(*map_to_be, extractor, entries, acceptance, warn);
-  }
+        has_map(store != nullptr),
+        map(has_map ? std::move(store) : temporary_map(fingerprint_of(extractor, options))),
+        acceptance(extractor, options, *map, warn),
+        entries(extractor, options, *map, acceptance, warn) {}
 
   std::vector<int64_t> add(std::span<const Description> scans, std::vector<MapEntry> about,
                            Claim* claim) {
@@ -136,28 +106,7 @@ struct PlaceRecognizer::Impl {
       entries.check_feature(scans[i]);
       about[i].feature = scans[i].feature;
     }
-    std::vector<int64_t> ids;
-    if (follower) {
-      ids = follower->add(std::move(about), claim);
-    } else {
-      clouds.take(about);
-      for (MapEntry& entry : about) entries.add(std::move(entry));
-      entries.update();
-    }
-    end_warm_up();
-    return ids;
-  }
-
-  /// The final projection depends on the warm-up alone, not on batches or kills. Errors are only
-  /// reported, because the entry is already in the map and loaded; the next add() tries again.
-  void end_warm_up() {
-    if (!entries.warm_up_is_over()) return;
-    try {
-      entries.update();
-      follower ? follower->store_projection() : entries.end_warm_up();
-    } catch (const Error& error) {
-      warn(str("the warm-up could not be completed and is tried again: ", error.what()));
-    }
+    return entries.add(std::move(about), claim);
   }
 };
 
@@ -179,8 +128,7 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
     throw UsageError(
         str("precision: expected more than 0 and less than 1, found ", options.target_precision));
   if (map) must_match("the map", map->fingerprint(), fingerprint_of(extractor, options));
-  impl_ = std::make_unique<Impl>(std::move(extractor), options, map.get(), warn);
-  impl_->map = std::move(map);
+  impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), warn);
 }
 
 PlaceRecognizer::~PlaceRecognizer() = default;
@@ -221,7 +169,6 @@ int64_t PlaceRecognizer::add(const Description& scan, MapEntry about) {
   one.push_back(std::move(about));
   const std::unique_lock lock(impl_->mutex);
   const std::vector<int64_t> ids = impl_->add({&scan, 1}, std::move(one), nullptr);
-  if (ids.empty()) return impl_->entries.size() - 1;
   if (const auto index = impl_->entries.find(ids.front())) return *index;
   throw InputError("entry ", ids.front(), " was added to the map, but cannot be read from it");
 }
@@ -261,11 +208,7 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
 
 int64_t PlaceRecognizer::remove(std::span<const int64_t> indices) {
   const std::unique_lock lock(impl_->mutex);
-  std::vector<int64_t> ids;
-  for (const int64_t index : indices) ids.push_back(impl_->entries.at(index).id);
-  if (impl_->map) impl_->map->remove(ids);
-  return std::ranges::count_if(indices,
-                               [&](int64_t index) { return impl_->entries.remove(index); });
+  return impl_->entries.remove(indices);
 }
 
 int64_t PlaceRecognizer::size() const {
@@ -297,7 +240,7 @@ std::vector<int64_t> PlaceRecognizer::near(int64_t index) const {
 
 bool PlaceRecognizer::reserve_drive(const std::string& drive, const std::string& content) {
   const std::unique_lock lock(impl_->mutex);
-  return !impl_->map || impl_->map->reserve_drive(drive, content);
+  return impl_->map->reserve_drive(drive, content);
 }
 
 std::optional<double> PlaceRecognizer::time(int64_t index) const {
@@ -310,12 +253,12 @@ const Eigen::Isometry3d& PlaceRecognizer::mount() const {
 }
 
 bool PlaceRecognizer::has_map() const {
-  return impl_->map != nullptr;
+  return impl_->has_map;
 }
 
 bool PlaceRecognizer::is_warmed_up() const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->entries.is_final();
+  return impl_->entries.is_complete();
 }
 
 bool PlaceRecognizer::estimates_yaw() const {
@@ -324,8 +267,7 @@ bool PlaceRecognizer::estimates_yaw() const {
 
 std::string PlaceRecognizer::cloud(int64_t index) const {
   const std::unique_lock lock(impl_->mutex);  // exclusive, because MapStore is not thread-safe
-  const MapEntry& entry = impl_->entries.at(index);
-  return impl_->map ? impl_->map->cloud(entry.id) : impl_->clouds.of(index);
+  return impl_->map->cloud(impl_->entries.at(index).id);
 }
 
 double PlaceRecognizer::similarity(const Description& scan, int64_t index) const {
@@ -363,12 +305,12 @@ double PlaceRecognizer::local_map() const {
 
 void PlaceRecognizer::refresh() {
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->follower) impl_->follower->load_updates();
+  impl_->entries.load_updates();
 }
 
 void PlaceRecognizer::refresh_if_updated() {
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->follower && impl_->follower->has_updates()) impl_->follower->load_updates();
+  if (impl_->entries.has_updates()) impl_->entries.load_updates();
 }
 
 void PlaceRecognizer::calibrate(double threshold) {

@@ -1,5 +1,7 @@
 #include "sqlite_driver.h"
 
+#include <unistd.h>
+
 #include <cstring>
 #include <new>
 
@@ -65,7 +67,7 @@ const SqlDialect kSqlite{.id = "INTEGER PRIMARY KEY",
 
 SqliteDriver::SqliteDriver(const std::string& path, int flags, std::string name,
                            std::unique_ptr<WriterLock> lock)
-    : SqlDriver(std::move(name), kSqlite), lock_(std::move(lock)) {
+    : SqlDriver(std::move(name), kSqlite), lock_(std::move(lock)), owner_(::getpid()) {
   const int code = sqlite3_open_v2(path.c_str(), &handle_, flags | SQLITE_OPEN_EXRESCODE, nullptr);
   try {
     if (code != SQLITE_OK) fail(code);
@@ -122,6 +124,8 @@ void SqliteDriver::execute(const std::string& sql, const std::vector<SqlValue>& 
 }
 
 void SqliteDriver::transaction(Locking locking, const std::function<void()>& work) {
+  if (locking == Locking::kWrites && ::getpid() != owner_)  // sqlite.org/howtocorrupt.html, 2.6
+    throw Error(name(), ": the process that opened this map forked; open the map again");
   execute(locking == Locking::kWrites ? "BEGIN IMMEDIATE" : "BEGIN");
   try {
     work();

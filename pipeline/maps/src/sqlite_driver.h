@@ -34,6 +34,7 @@ class SqliteDriver : public SqlDriver {
 
   std::unique_ptr<WriterLock> lock_;  // released after the connection
   sqlite3* handle_ = nullptr;
+  int owner_;  // process
 };
 
 }  // namespace revisit

@@ -1,5 +1,6 @@
 #include "revisit/maps/place_recognizer.h"
 
+#include "coordinates.h"
 #include "execute_sql.h"
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/recognition/ring/descriptor.h"
@@ -8,53 +9,6 @@
 
 namespace revisit {
 namespace {
-
-constexpr int64_t kNumbers = 6;
-
-/// The projection subtracts the mean of the first six coordinates and records training entries.
-FeatureExtractor coordinates() {
-  const auto projection_with = [](std::vector<float> mean) {
-    Projection projection;
-    projection.dim = kNumbers;
-    projection.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
-      std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
-    };
-    projection.comparison.relative_yaw = [](std::span<const float> a, std::span<const float> b) {
-      return static_cast<double>(b[0] - a[0]);
-    };
-    projection.content.assign(reinterpret_cast<const char*>(mean.data()),
-                              mean.size() * sizeof(float));
-    return projection;
-  };
-  FeatureExtractor extractor;
-  extractor.name = "coordinates";
-  extractor.key = "coordinates 1";
-  extractor.dim = kNumbers;
-  extractor.make = []() -> FeatureFunction<PointCloud> {
-    return [](const PointCloud& cloud, std::span<float> feature) {
-      if (cloud.points.size() < 2) throw InputError("fewer than two points");
-      for (size_t i = 0; i < 2; ++i) {
-        feature[3 * i] = cloud.points[i].x;
-        feature[3 * i + 1] = cloud.points[i].y;
-        feature[3 * i + 2] = cloud.points[i].z;
-      }
-    };
-  };
-  extractor.fit_projection = [projection_with](const Rows& features,
-                                               std::span<const int64_t> rows) {
-    std::vector<float> mean(kNumbers);
-    for (const int64_t row : rows)
-      for (size_t i = 0; i < mean.size(); ++i)
-        mean[i] += features.row(row)[i] / static_cast<float>(rows.size());
-    return projection_with(mean);
-  };
-  extractor.open_projection = [projection_with](const std::string& content) {
-    std::vector<float> mean(kNumbers);
-    std::memcpy(mean.data(), content.data(), content.size());
-    return projection_with(mean);
-  };
-  return extractor;
-}
 
 /// Entry i of a walk with a revisit: scans i and i + 100 are nearly equal.
 PointCloud scan_of(int i) {

@@ -7,7 +7,7 @@
 
 #include <clocale>
 
-#include "killed_writer.h"
+#include "coordinates.h"
 #include "map_entries.h"
 #include "postgres_server.h"
 #include "revisit/maps/place_recognizer.h"
@@ -141,33 +141,6 @@ TEST_F(PostgresMap, NotifiesReadersOfConcurrentWriters) {
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
   RecordProperty("added_per_second", static_cast<int>(100 / taken.count()));
   EXPECT_FALSE(map->has_updates());  // not for its own changes
-}
-
-/// Reports each acknowledged frame until it is killed.
-void add_for_ever(const std::string& url, const std::string& drive, int pipe) {
-  const auto map = open_map(url, MapAccess::kWrite, &kOfServer);
-  for (int64_t frame = 1;; ++frame) {
-    const MapEntry entry = made_entry(drive, frame);
-    map->add({&entry, 1});
-    if (::write(pipe, &frame, sizeof(frame)) != sizeof(frame)) break;
-  }
-}
-
-TEST_F(PostgresMap, KeepsAcknowledgedEntriesAfterAKilledWriter) {
-  std::map<std::string, int64_t> acknowledged;
-  for (int kill = 0; kill < 10; ++kill) {
-    const std::string drive = std::to_string(kill);
-    acknowledged[drive] =
-        last_before_kill([&](int pipe) { add_for_ever(server_->url("town"), drive, pipe); },
-                         kill % 4, kill * 7919 % 20'000, 0);
-  }
-  const auto map = writer();
-  auto frames = frames_of(*map);
-  for (const auto& [drive, last] : acknowledged) {
-    EXPECT_GE(std::ssize(frames[drive]), last);
-    EXPECT_LE(std::ssize(frames[drive]), last + 1);
-  }
-  EXPECT_GT(map->size(), 10);
 }
 
 /// Whatever another program does to the tables is an error of revisit, or of no effect.
@@ -422,52 +395,18 @@ TEST_F(PostgresMap, ClaimsOfKilledWorkersGoToOthers) {
   EXPECT_EQ(map->size(), kFrames);
 }
 
-/// The projection subtracts the mean of the features.
-FeatureExtractor centered_coordinates() {
-  FeatureExtractor extractor;
-  extractor.name = extractor.key = "coordinates";
-  extractor.dim = 3;
-  extractor.make = []() -> FeatureFunction<PointCloud> {
-    return [](const PointCloud& cloud, std::span<float> feature) {
-      feature[0] = cloud.points[0].x;
-      feature[1] = cloud.points[0].y;
-      feature[2] = cloud.points[0].z;
-    };
-  };
-  extractor.open_projection = [](const std::string& content) {
-    std::vector<float> mean(3);
-    std::memcpy(mean.data(), content.data(), content.size());
-    Projection projection;
-    projection.dim = 3;
-    projection.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
-      std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
-    };
-    projection.content = content;
-    return projection;
-  };
-  extractor.fit_projection = [open = extractor.open_projection](const Rows& features,
-                                                                std::span<const int64_t> rows) {
-    std::vector<float> mean(3);
-    for (const int64_t row : rows)
-      for (size_t i = 0; i < 3; ++i)
-        mean[i] += features.row(row)[i] / static_cast<float>(rows.size());
-    return open({reinterpret_cast<const char*>(mean.data()), 3 * sizeof(float)});
-  };
-  return extractor;
-}
-
 Description scan_at(const PlaceRecognizer& recognizer, int64_t frame) {
   const auto angle = static_cast<float>(frame);
   PointCloud cloud;
-  cloud.points.push_back({10 * std::sin(angle), 10 * std::cos(angle), std::sin(7 * angle), 0});
+  for (int i = 0; i < 2; ++i)
+    cloud.points.push_back({10 * std::sin(angle), 10 * std::cos(angle), std::sin(7 * angle), 0});
   return recognizer.describe(view_of(cloud));
 }
 
 std::unique_ptr<PlaceRecognizer> robot(const std::string& url) {
   const RecognizerOptions options{.warmup = 30};
-  const MapFingerprint fingerprint =
-      PlaceRecognizer::fingerprint_of(centered_coordinates(), options);
-  return std::make_unique<PlaceRecognizer>(centered_coordinates(), options,
+  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(coordinates(), options);
+  return std::make_unique<PlaceRecognizer>(coordinates(), options,
                                            open_map(url, MapAccess::kWrite, &fingerprint));
 }
 

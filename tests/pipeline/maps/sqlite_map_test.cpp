@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include "execute_sql.h"
-#include "killed_writer.h"
 #include "map_entries.h"
 #include "map_file.h"
 #include "revisit/maps/map_store.h"
@@ -340,77 +339,6 @@ TEST(SqliteMap, ReadsHalfACheckpoint) {
   EXPECT_EQ(check_map(dir / "half"), std::vector<std::string>());
   expect_entries(*writer_of(dir / "half"), 9);
   EXPECT_EQ(fs::file_size(dir / "half"), fs::file_size(dir / "map"));
-}
-
-/// Number of changes that write_for_ever() has made.
-int64_t changes_of(const MapState& state) {
-  return state.last + state.revision + state.removed;
-}
-
-/// Of five changes, three add an entry, one replaces all descriptors and one removes the next
-/// entry. Reports the number of changes after each one, until it is killed.
-void write_for_ever(const fs::path& file, int pipe) {
-  const auto map = writer_of(file);
-  MapState state = read_all(*map).state;
-  while (true) {
-    const int64_t change = changes_of(state);
-    if (change % 5 == 3) {
-      const int64_t before = state.revision++;
-      const auto set = [&](const MapEntry&) {
-        return std::vector{static_cast<float>(state.revision)};
-      };
-      map->replace_descriptors(set, {{"changes", std::to_string(change)}}, before);
-    } else if (change % 5 == 4) {
-      map->remove({&++state.removed, 1});
-    } else {
-      const MapEntry entry{.frame = ++state.last,
-                           .descriptor = {static_cast<float>(state.revision)}};
-      map->add({&entry, 1});
-    }
-    const int64_t now = change + 1;
-    if (::write(pipe, &now, sizeof(now)) != sizeof(now)) break;
-  }
-}
-
-TEST(SqliteMap, KeepsAcknowledgedChangesAfterAKill) {
-  const TempDir dir;
-  fs::path file;
-  std::mt19937 random(3);
-  int64_t acknowledged = 0;
-  for (int kill = 0; kill < 250; ++kill) {
-    if (kill % 25 == 0) {  // a kill may also happen while the map is created
-      file = dir / ("map" + std::to_string(kill));
-      acknowledged = 0;
-    }
-    // Three of four kills soon after an acknowledgment, the others at any time.
-    const auto answers = static_cast<int>(random() % 4), wait = static_cast<int>(random() % 4000);
-    acknowledged = last_before_kill([&](int pipe) { write_for_ever(file, pipe); }, answers, wait,
-                                    acknowledged);
-    ASSERT_FALSE(HasFailure());
-    if (acknowledged > 0 && kill % 2 == 0) {
-      ASSERT_EQ(check_map(file), std::vector<std::string>()) << kill;
-    }
-    const auto map = kill % 3 == 0 && acknowledged > 0 ? open_map(file, MapAccess::kRead, &kOfFile)
-                                                       : writer_of(file);
-    const ReadMap read = read_all(*map);
-    ASSERT_EQ(read.problems, std::vector<std::string>());
-    ASSERT_EQ(std::ssize(read.entries), read.state.last - read.state.removed);
-    for (const MapEntry& entry : read.entries) {
-      ASSERT_GT(entry.id, read.state.removed);
-      ASSERT_EQ(entry.frame, entry.id);
-      ASSERT_EQ(entry.descriptor, std::vector{static_cast<float>(read.state.revision)});
-    }
-    const int64_t changes = changes_of(read.state);
-    ASSERT_GE(changes, acknowledged) << kill;
-    ASSERT_LE(changes, acknowledged + 1) << kill;
-    ASSERT_EQ(read.state.revision, (changes + 1) / 5);
-    ASSERT_EQ(read.state.removed, changes / 5);
-    if (read.state.revision > 0) {
-      ASSERT_EQ(map->value("changes"), std::to_string(read.state.revision * 5 - 2));
-    }
-    acknowledged = changes;
-  }
-  EXPECT_GT(acknowledged, 5);
 }
 
 TEST(SqliteMap, IsReadInAFolderThatCannotBeWritten) {
