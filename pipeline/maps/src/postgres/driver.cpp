@@ -98,6 +98,7 @@ PostgresDriver::PostgresDriver(Address address, bool listens)
       channel_("revisit_" + address_.map) {
   std::random_device random;
   id_ = static_cast<int64_t>((uint64_t{random()} << 32) | random());
+  if (!listens_) return;
   try {
     connect();
   } catch (const pqxx::pqxx_exception& error) {

@@ -18,7 +18,7 @@ namespace revisit::postgres {
 /// without its password and never contain the password.
 class PostgresDriver : public SqlDriver {
  public:
-  /// Connects, without retrying. `listens`: receives notifications by other processes.
+  /// `listens`: receives notifications by other processes; connects now, without retrying.
   explicit PostgresDriver(Address address, bool listens = true);
   ~PostgresDriver() override;
 

@@ -78,7 +78,7 @@ struct Loop {
 ///   recognizer.add(scan, {.frame = 17, .pose = T_world_sensor});
 class PlaceRecognizer {
  public:
-  /// Loads the entries of `map`; null: nothing is stored. Throws UsageError for a feature of camera
+  /// Loads the entries of `map`; null: a temporary file. Throws UsageError for a feature of camera
   /// images or invalid options, and InputError if the map's fingerprint differs; `map` then stays
   /// with the caller. `warn` gets a message for each corrupt entry, and if the warm-up cannot be
   /// completed. It also gets one for a calibration or threshold that is corrupt or for another
@@ -121,7 +121,7 @@ class PlaceRecognizer {
   std::vector<int64_t> around(int64_t index) const;
   /// around() and the entries just before and after: a match may as well be one of these.
   std::vector<int64_t> near(int64_t index) const;
-  /// MapStore::reserve_drive() of the map; true without a map.
+  /// MapStore::reserve_drive() of the map.
   bool reserve_drive(const std::string& drive, const std::string& content);
   /// MapEntry::cloud; "": none. Throws what MapStore::cloud() throws.
   std::string cloud(int64_t index) const;
