@@ -58,17 +58,6 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, DescriptorTyp
   return bytes_of_numbers(halves.data(), halves.size());
 }
 
-MapFingerprint fingerprint_from(std::string_view text) {
-  MapFingerprint fingerprint;
-  std::istringstream lines{std::string(text)};
-  for (std::string line; std::getline(lines, line);) {
-    const size_t equals = line.find('=');
-    fingerprint[line.substr(0, equals)] =
-        equals == std::string::npos ? "" : line.substr(equals + 1);
-  }
-  return fingerprint;
-}
-
 }  // namespace
 
 std::string text_of(const MapFingerprint& fingerprint) {
@@ -108,27 +97,15 @@ std::optional<DescriptorType> descriptor_type_of(std::string_view name) {
   return std::nullopt;
 }
 
-int64_t header_checksum(std::string_view fingerprint, std::string_view dtype, int64_t revision) {
-  return Checksum().bytes(fingerprint).bytes(dtype).number(revision).value();
-}
-
-std::optional<MapHeader> header_from(std::string_view fingerprint, std::string_view dtype,
-                                     int64_t revision, int64_t checksum) {
-  const auto format = descriptor_type_of(dtype);
-  if (header_checksum(fingerprint, dtype, revision) != checksum || !format) return std::nullopt;
-  return MapHeader{fingerprint_from(fingerprint), *format, revision};
-}
-
-int64_t checksum_of(const Counts& counts) {
-  return Checksum().number(counts.entries).number(counts.values).value();
-}
-
-int64_t removed_checksum(int64_t id, int64_t entry) {
-  return Checksum().number(id).number(entry).value();
-}
-
-int64_t cloud_checksum(int64_t id, std::string_view bytes) {
-  return Checksum().number(id).bytes(bytes).value();
+MapFingerprint fingerprint_from(std::string_view text) {
+  MapFingerprint fingerprint;
+  std::istringstream lines{std::string(text)};
+  for (std::string line; std::getline(lines, line);) {
+    const size_t equals = line.find('=');
+    fingerprint[line.substr(0, equals)] =
+        equals == std::string::npos ? "" : line.substr(equals + 1);
+  }
+  return fingerprint;
 }
 
 bool is_usable(std::span<const float> numbers) {

@@ -68,19 +68,13 @@ std::string text_of(const MapFingerprint& fingerprint);
 /// Throws InputError that lists each difference.
 void must_match(const std::string& name, const MapFingerprint& map, const MapFingerprint& program);
 
-/// `fingerprint` as text, `dtype` as name_of(DescriptorType).
-int64_t header_checksum(std::string_view fingerprint, std::string_view dtype, int64_t revision);
-/// Empty if the columns of a header do not have this checksum.
-std::optional<MapHeader> header_from(std::string_view fingerprint, std::string_view dtype,
-                                     int64_t revision, int64_t checksum);
+/// Reads text_of().
+MapFingerprint fingerprint_from(std::string_view text);
 
 /// Number of rows ever inserted: ids are 1 to these, so that missing rows are detected.
 struct Counts {
   int64_t entries = 0, values = 0;
 };
-int64_t checksum_of(const Counts& counts);
-int64_t removed_checksum(int64_t id, int64_t entry);
-int64_t cloud_checksum(int64_t id, std::string_view bytes);
 
 /// Columns of an entry except the id. Bytes are little-endian, the machine's own byte order.
 struct EntryRow {

@@ -1,5 +1,6 @@
 #include "map_tables.h"
 
+#include <span>
 #include <string_view>
 
 #include "revisit/base/error.h"
@@ -13,8 +14,34 @@ constexpr int64_t kEntriesAtOnce = 256;
 /// A corrupt name may be NULL or a blob in a file.
 constexpr const char* kNameOfValue = "coalesce(CAST(name AS TEXT), '')";
 
-int64_t value_checksum(int64_t id, std::string_view name, std::string_view bytes) {
-  return Checksum().number(id).bytes(name).bytes(bytes).value();
+/// Of all tables but `entry`, which has columns that may be NULL.
+int64_t checksum_of(std::span<const SqlValue> columns) {
+  Checksum sum;
+  for (const SqlValue& value : columns)
+    if (const auto* number = std::get_if<int64_t>(&value))
+      sum.number(*number);
+    else if (const auto* text = std::get_if<std::string_view>(&value))
+      sum.bytes(*text);
+    else if (const auto* blob = std::get_if<Blob>(&value))
+      sum.bytes(blob->bytes);
+  return sum.value();
+}
+
+/// Appends their checksum to the values.
+void write_row(SqlDriver& driver, const std::string& sql, std::vector<SqlValue> values) {
+  values.emplace_back(checksum_of(values));
+  driver.execute(sql, values);
+}
+
+/// The last column must be the checksum of the others. `of`: for the error.
+void read_rows(SqlDriver& driver, const std::string& sql, const std::vector<SqlValue>& values,
+               const std::string& of, const SqlDriver::Take& take) {
+  driver.execute(sql, values, [&](const SqlRow& row) {
+    const size_t last = row.cells.size() - 1;
+    if (checksum_of(std::span(row.cells).first(last)) != row.integer(last))
+      driver.fail_corrupt("the checksum of " + of + " is wrong");
+    take(row);
+  });
 }
 
 SqlValue null_if_empty(std::string_view bytes) {
@@ -23,12 +50,10 @@ SqlValue null_if_empty(std::string_view bytes) {
 
 Counts select_counts(SqlDriver& driver, const char* lock) {
   std::optional<Counts> counts;
-  driver.execute(str("SELECT entries, \"values\", checksum FROM counts WHERE id = 1", lock), {},
-                 [&](const SqlRow& row) {
-                   counts = {.entries = row.integer(0), .values = row.integer(1)};
-                   if (checksum_of(*counts) != row.integer(2))
-                     driver.fail_corrupt("the checksum of the number of its entries is wrong");
-                 });
+  read_rows(driver, str("SELECT entries, \"values\", checksum FROM counts WHERE id = 1", lock), {},
+            "the number of its entries", [&](const SqlRow& row) {
+              counts = {row.integer(0), row.integer(1)};
+            });
   if (!counts) driver.fail_corrupt("the number of its entries is missing");
   for (const int64_t n : {counts->entries, counts->values})
     if (n < 0 || n > kMaxRows) driver.fail_corrupt(str("it cannot have ", n, " entries or values"));
@@ -39,12 +64,8 @@ Counts select_counts(SqlDriver& driver, const char* lock) {
 std::optional<std::string> select_values(SqlDriver& driver, const std::string& where,
                                          const std::vector<SqlValue>& parameters = {}) {
   std::optional<std::string> found;
-  driver.execute(
-      "SELECT id, name, bytes, checksum FROM value " + where, parameters, [&](const SqlRow& row) {
-        found = row.bytes(2);
-        if (value_checksum(row.integer(0), row.bytes(1), *found) != row.integer(3))
-          driver.fail_corrupt(str("the checksum of value ", row.integer(0), " is wrong"));
-      });
+  read_rows(driver, "SELECT id, name, bytes, checksum FROM value " + where, parameters, "a value",
+            [&](const SqlRow& row) { found = row.bytes(2); });
   return found;
 }
 
@@ -96,22 +117,23 @@ void create_tables(SqlDriver& driver, const MapHeader& header) {
 
 MapHeader read_header(SqlDriver& driver) {
   std::optional<MapHeader> header;
-  driver.execute("SELECT fingerprint, dtype, revision, checksum FROM map WHERE id = 1", {},
-                 [&](const SqlRow& row) {
-                   header = header_from(row.bytes(0), row.bytes(1), row.integer(2), row.integer(3));
-                   if (!header) driver.fail_corrupt("the checksum of its header is wrong");
-                 });
+  read_rows(driver, "SELECT fingerprint, dtype, revision, checksum FROM map WHERE id = 1", {},
+            "its header", [&](const SqlRow& row) {
+              const auto format = descriptor_type_of(row.bytes(1));
+              if (!format) driver.fail_corrupt("the data type of its descriptors is unknown");
+              header = {fingerprint_from(row.bytes(0)), *format, row.integer(2)};
+            });
   if (!header) driver.fail_corrupt("its header is missing");
   return *std::move(header);
 }
 
 void write_header(SqlDriver& driver, const MapHeader& header) {
   const std::string text = text_of(header.fingerprint), dtype = name_of(header.format);
-  driver.execute(
-      "INSERT INTO map (id, fingerprint, dtype, revision, checksum) VALUES (1, $1, $2, $3, $4) "
-      "ON CONFLICT (id) DO UPDATE SET fingerprint = excluded.fingerprint, dtype = excluded.dtype, "
-      "revision = excluded.revision, checksum = excluded.checksum",
-      {text, dtype, header.revision, header_checksum(text, dtype, header.revision)});
+  write_row(driver,
+            "INSERT INTO map (id, fingerprint, dtype, revision, checksum) VALUES (1, $1, $2, $3, "
+            "$4) ON CONFLICT (id) DO UPDATE SET fingerprint = excluded.fingerprint, dtype = "
+            "excluded.dtype, revision = excluded.revision, checksum = excluded.checksum",
+            {text, dtype, header.revision});
 }
 
 Counts read_counts(SqlDriver& driver) {
@@ -123,11 +145,11 @@ Counts lock_counts(SqlDriver& driver) {
 }
 
 void write_counts(SqlDriver& driver, const Counts& counts) {
-  driver.execute(
-      "INSERT INTO counts (id, entries, \"values\", checksum) VALUES (1, $1, $2, $3) ON CONFLICT "
-      "(id) DO UPDATE SET entries = excluded.entries, \"values\" = excluded.\"values\", checksum = "
-      "excluded.checksum",
-      {counts.entries, counts.values, checksum_of(counts)});
+  write_row(driver,
+            "INSERT INTO counts (id, entries, \"values\", checksum) VALUES (1, $1, $2, $3) ON "
+            "CONFLICT (id) DO UPDATE SET entries = excluded.entries, \"values\" = "
+            "excluded.\"values\", checksum = excluded.checksum",
+            {counts.entries, counts.values});
 }
 
 void write_entry(SqlDriver& driver, const char* sql, int64_t id, EntryRow row, int64_t revision) {
@@ -165,17 +187,14 @@ int64_t for_each_entry(SqlDriver& driver, const MapHeader& header, int64_t& afte
 }
 
 void write_cloud(SqlDriver& driver, int64_t id, const std::string& bytes) {
-  driver.execute("INSERT INTO cloud (id, bytes, checksum) VALUES ($1, $2, $3)",
-                 {id, Blob{bytes}, cloud_checksum(id, bytes)});
+  write_row(driver, "INSERT INTO cloud (id, bytes, checksum) VALUES ($1, $2, $3)",
+            {id, Blob{bytes}});
 }
 
 std::string read_cloud(SqlDriver& driver, int64_t id) {
   std::string bytes;
-  driver.execute("SELECT bytes, checksum FROM cloud WHERE id = $1", {id}, [&](const SqlRow& row) {
-    bytes = row.bytes(0);
-    if (cloud_checksum(id, bytes) != row.integer(1))
-      driver.fail_corrupt(str("the checksum of the points of entry ", id, " is wrong"));
-  });
+  read_rows(driver, "SELECT id, bytes, checksum FROM cloud WHERE id = $1", {id},
+            str("the points of entry ", id), [&](const SqlRow& row) { bytes = row.bytes(1); });
   return bytes;
 }
 
@@ -185,20 +204,15 @@ int64_t count_removed(SqlDriver& driver, int64_t after) {
 
 std::vector<int64_t> read_removed(SqlDriver& driver, int64_t after) {
   std::vector<int64_t> entries;
-  driver.execute("SELECT id, entry, checksum FROM removed WHERE id > $1 ORDER BY id", {after},
-                 [&](const SqlRow& row) {
-                   entries.push_back(row.integer(1));
-                   if (removed_checksum(row.integer(0), entries.back()) != row.integer(2))
-                     driver.fail_corrupt("a checksum in the list of removed entries is wrong");
-                 });
+  read_rows(driver, "SELECT id, entry, checksum FROM removed WHERE id > $1 ORDER BY id", {after},
+            "a removed entry", [&](const SqlRow& row) { entries.push_back(row.integer(1)); });
   return entries;
 }
 
 void write_removed(SqlDriver& driver, int64_t entry) {
   // The database computes the id: it fails after the largest number.
-  const int64_t id = driver.integer("SELECT coalesce(max(id), 0) + 1 FROM removed").value_or(0);
-  driver.execute("INSERT INTO removed (id, entry, checksum) VALUES ($1, $2, $3)",
-                 {id, entry, removed_checksum(id, entry)});
+  const auto id = driver.integer("SELECT coalesce(max(id), 0) + 1 FROM removed");
+  write_row(driver, "INSERT INTO removed (id, entry, checksum) VALUES ($1, $2, $3)", {*id, entry});
 }
 
 std::optional<std::string> read_value(SqlDriver& driver, const std::string& name) {
@@ -224,10 +238,11 @@ void write_value(SqlDriver& driver, const std::string& name, const std::string& 
     id = ++counts.values;
     write_counts(driver, counts);
   }
-  driver.execute(
-      "INSERT INTO value (id, name, bytes, checksum) VALUES ($1, $2, $3, $4) ON CONFLICT (id) DO "
-      "UPDATE SET name = excluded.name, bytes = excluded.bytes, checksum = excluded.checksum",
-      {*id, name, Blob{bytes}, value_checksum(*id, name, bytes)});
+  write_row(driver,
+            "INSERT INTO value (id, name, bytes, checksum) VALUES ($1, $2, $3, $4) ON CONFLICT "
+            "(id) DO UPDATE SET name = excluded.name, bytes = excluded.bytes, checksum = "
+            "excluded.checksum",
+            {*id, name, Blob{bytes}});
 }
 
 void check_values(SqlDriver& driver) {

@@ -17,14 +17,14 @@ namespace revisit {
 struct Blob {
   std::string_view bytes;
 };
-/// Parameter of a statement, without ownership.
+/// Parameter of a statement, or column of a result, without ownership.
 using SqlValue = std::variant<std::nullptr_t, int64_t, double, std::string_view, Blob>;
 
 /// Row of a result, valid until the callback of execute() returns. Texts and blobs are one type.
 /// The functions throw InputError for a column of another type.
 struct SqlRow {
-  const std::string& name;  // of the map
-  std::vector<std::variant<std::nullptr_t, int64_t, double, std::string_view>> cells;
+  const std::string& name;      // of the map
+  std::vector<SqlValue> cells;  // no Blob
 
   int64_t integer(size_t column) const { return get<int64_t>(column); }
   std::optional<double> real(size_t column) const {

@@ -251,8 +251,8 @@ TEST_P(MapStoreTest, ReportsCorruptListsOfRemovedEntries) {
     map->remove(std::vector<int64_t>{2, 3});
   }
   const auto listed = [](int64_t id, int64_t entry) {
-    return str("INSERT INTO removed VALUES (", id, ",", entry, ",", removed_checksum(id, entry),
-               ")");
+    return str("INSERT INTO removed VALUES (", id, ",", entry, ",",
+               Checksum().number(id).number(entry).value(), ")");
   };
   // An existing entry, one that the list lacks, another number, and beyond the largest id.
   for (const auto& [change, repair, problem] :
@@ -260,7 +260,7 @@ TEST_P(MapStoreTest, ReportsCorruptListsOfRemovedEntries) {
             listed(3, 5), "DELETE FROM removed WHERE id = 3", "has 7 entries after entry 0, exp"),
         {"DELETE FROM removed WHERE entry = 2", listed(1, 2), "expected 8"},
         {"UPDATE removed SET entry = 4 WHERE id = 1", "UPDATE removed SET entry = 2 WHERE id = 1",
-         "a checksum in the list of removed entries"},
+         "the checksum of a removed entry is wrong"},
         {listed(INT64_MAX, 5), "", "has 7 entries after entry 0, expected 6"}}) {
     SCOPED_TRACE(change);
     execute("town", change);
@@ -277,7 +277,7 @@ TEST_P(MapStoreTest, RejectsImpossibleCounts) {
   writer()->add(made_entries(1, 9));
   for (const int64_t n : {int64_t{-1}, INT64_MAX}) {
     const std::string change = str("UPDATE counts SET entries = ", n, ", checksum = ");
-    for (const int64_t checksum : {checksum_of(Counts{.entries = n}), int64_t{1}}) {
+    for (const int64_t checksum : {Checksum().number(n).number(0).value(), int64_t{1}}) {
       execute("town", str(change, checksum));
       expect_error<InputError>([&] { read_all(*reader()); }, {"corrupt"});
       expect_error<InputError>([&] { writer()->add(made_entries(10, 10)); }, {"corrupt"});

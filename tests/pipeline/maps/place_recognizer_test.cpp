@@ -578,7 +578,7 @@ TEST(PlaceRecognizer, IgnoresCorruptCalibrationsOfAMap) {
                                [&](const std::string& what) { warnings.push_back(what); });
     EXPECT_FALSE(recognizer.threshold());
     ASSERT_EQ(warnings.size(), 1);
-    EXPECT_HAS(warnings[0], "the checksum of value 1 is wrong");
+    EXPECT_HAS(warnings[0], "the checksum of a value is wrong");
     EXPECT_EQ(check_map(file).size(), 1);
     recognizer.calibrate(0.5);
     EXPECT_EQ(recognizer.threshold(), 0.5);
