@@ -2,6 +2,7 @@
 
 #include <charconv>
 
+#include "revisit/base/error.h"
 #include "revisit/base/hash.h"
 
 namespace revisit {
@@ -9,6 +10,10 @@ namespace revisit {
 std::string exact(double value) {
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
+std::string plural(int64_t count, std::string_view what) {
+  return str(count, " ", what, count == 1 ? "" : "s");
 }
 
 std::string short_name_of(const std::string& text) {

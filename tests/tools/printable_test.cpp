@@ -25,6 +25,14 @@ TEST(Printable, ReplacesInvalidUtf8) {
             std::string::npos);
 }
 
+TEST(Number, HasNoNegativeZero) {
+  EXPECT_EQ(number(-0.001, 2), "0.00");
+  EXPECT_EQ(number(-0.0, 0), "0");
+  EXPECT_EQ(number(-0.005001, 2), "-0.01");
+  EXPECT_EQ(number(-INFINITY, 2), "-inf");
+  EXPECT_EQ(number(NAN, 2), "");
+}
+
 TEST(Printable, StreamsKeepLinesAndCharactersThatComeInPieces) {
   std::ostringstream out;
   {

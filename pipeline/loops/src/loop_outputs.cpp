@@ -51,13 +51,14 @@ void LoopSummary::add(const Detection& found) {
 
 std::string LoopSummary::text() const {
   const auto rounded = [](double score) { return exact(std::round(score * 1000) / 1000); };
-  std::string text = str(scans_, " scans, ", accepted_, " loops accepted");
+  std::string text = str(plural(scans_, "scan"), ", ", plural(accepted_, "loop"), " accepted");
   if (accepted_ == 0 && queried_ == 0)
     text += str(": no scan had a candidate (exclusion ", to_string(exclusion_), ")");
   else if (accepted_ == 0 && threshold_)
-    text += str(": the best score of ", queried_, " queries is ", rounded(best_), " (threshold ",
-                rounded(*threshold_), "); ", scans_ - skipped_ - queried_,
-                " scans had no candidate (exclusion ", to_string(exclusion_), ")");
+    text += str(": the best score of ", queried_, queried_ == 1 ? " query" : " queries", " is ",
+                rounded(best_), " (threshold ", rounded(*threshold_), "); ",
+                plural(scans_ - skipped_ - queried_, "scan"), " had no candidate (exclusion ",
+                to_string(exclusion_), ")");
   const auto rejected = [&](const char* why) {
     const auto found = rejected_.find(why);
     return found == rejected_.end() ? 0 : found->second;
@@ -69,7 +70,7 @@ std::string LoopSummary::text() const {
         std::pair(rejected("registration"), "but their points do not fit"),
         std::pair(rejected("no points"), "but their entries were stored without points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);
-  return skipped_ > 0 ? str(text, ", ", skipped_, " scans skipped") : text;
+  return skipped_ > 0 ? str(text, ", ", plural(skipped_, "scan"), " skipped") : text;
 }
 
 PoseGraphWriter::PoseGraphWriter(const std::filesystem::path& file)

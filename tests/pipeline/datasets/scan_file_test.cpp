@@ -154,6 +154,7 @@ TEST(KittiScan, RejectsOtherFiles) {
              "none of its 1 points is usable");
   EXPECT_HAS(scan_complaint("a.bin", bytes_of(0.0F, -0.0F, 0.0F, 3.0F)), "usable");
   EXPECT_HAS(scan_complaint("a.xyz", point), "unknown kind of scan '.xyz'");
+  expect_error<InputError>([] { read_scan("/none/scan"); }, {"/none/scan: cannot open"});
 }
 
 TEST(KittiScan, RefusesBytesThatAreNoPoints) {

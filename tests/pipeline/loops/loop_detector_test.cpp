@@ -535,10 +535,9 @@ TEST(LoopSummary, CountsRejections) {
   };
   summary.add({});
   add(0.4, "score");
-  EXPECT_EQ(
-      summary.text(),
-      "2 scans, 0 loops accepted: the best score of 1 queries is 0.4 (threshold 0.6); 1 scans "
-      "had no candidate (exclusion frames=5)");
+  EXPECT_EQ(summary.text(),
+            "2 scans, 0 loops accepted: the best score of 1 query is 0.4 (threshold 0.6); 1 scan "
+            "had no candidate (exclusion frames=5)");
   add(0.7, "score");
   add(0.7, "similarity");
   add(0.8, "ambiguous");
@@ -547,10 +546,10 @@ TEST(LoopSummary, CountsRejections) {
   add(0.9, "");
   summary.add({.error = "the scan has no points"});
   EXPECT_EQ(summary.text(),
-            "9 scans, 1 loops accepted, 1 more look alike, among too few distinct entries, 1 more "
+            "9 scans, 1 loop accepted, 1 more look alike, among too few distinct entries, 1 more "
             "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
             "alike for long, 1 more look alike, but their points "
-            "do not fit, 1 more look alike, but their entries were stored without points, 1 scans "
+            "do not fit, 1 more look alike, but their entries were stored without points, 1 scan "
             "skipped");
 }
 

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <ctime>
 #include <iomanip>
 #include <iostream>
@@ -283,7 +284,9 @@ std::string number(double value, int digits) {
   if (std::isnan(value)) return "";
   char text[64];
   std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
+  const bool is_negative_zero =
+      text[0] == '-' && std::strpbrk(text, "123456789i") == nullptr;  // i: -inf
+  return text + (is_negative_zero ? 1 : 0);
 }
 
 std::string local_time(const char* format) {

@@ -86,7 +86,7 @@ class Table {
   std::vector<std::vector<std::string>> rows_;  // rows_[0] is the header
 };
 
-/// "" for NaN (not computed).
+/// "" for NaN (not computed); never "-0.00".
 std::string number(double value, int digits);
 
 /// `format`: of strftime().

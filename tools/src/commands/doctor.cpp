@@ -123,20 +123,15 @@ void print_model() {
   }
 }
 
-std::string plural(size_t count, const char* what) {
-  return str(count, " ", what, count == 1 ? "" : "s");
-}
-
 /// "7 places with 77 scans", or "12 scans, 4541 poses, no times".
 std::string content_of(const Dataset& data) {
-  const std::string scans = plural(data.scans.size(), "scan");
+  const std::string scans = plural(std::ssize(data.scans), "scan");
   if (!data.has_places())
-    return str(scans, ", ",
-               data.n_poses ? plural(static_cast<size_t>(data.n_poses), "pose") : "no poses", ", ",
+    return str(scans, ", ", data.n_poses ? plural(data.n_poses, "pose") : "no poses", ", ",
                data.scans[0].time ? "times" : "no times");
   std::set<std::string> places;
   for (const ScanRef& scan : data.scans) places.insert(scan.place);
-  return plural(places.size(), "place") + " with " + scans;
+  return plural(std::ssize(places), "place") + " with " + scans;
 }
 
 /// Throws InputError if there is no such data.
@@ -148,15 +143,13 @@ void print_sequence(const fs::path& root, const std::string& sequence) {
     std::error_code error;
     return fs::file_size(scan.file, error) == 0 && !error;
   });
-  if (empty > 0)
-    advice.push_back(plural(static_cast<size_t>(empty), "scan file") +
-                     " empty; copy the data set again");
+  if (empty > 0) advice.push_back(plural(empty, "scan file") + " empty; copy the data set again");
   const bool is_drive = !data.has_places() && !data.sequence.empty();
   if (is_drive && !data.has_poses())
     advice.emplace_back("no ground truth, so evaluation is not possible");
   const fs::path images = data.scans[0].file.parent_path().parent_path() / "image_0";
   if (is_drive && fs::is_directory(images)) try {
-      found += ", " + plural(camera_images(data).scans.size(), "image");
+      found += ", " + plural(std::ssize(camera_images(data).scans), "image");
     } catch (const InputError& error) {
       advice.emplace_back(error.what());
     }

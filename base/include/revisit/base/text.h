@@ -24,6 +24,9 @@ std::string joined(const Range& range, std::string_view separator, Part part = {
   return std::move(out).str();
 }
 
+/// "1 scan", "2 scans".
+std::string plural(int64_t count, std::string_view what);
+
 inline std::string shape_text(std::span<const int64_t> shape) {
   return shape.empty() ? "()" : joined(shape, "x");
 }

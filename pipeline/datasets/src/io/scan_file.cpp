@@ -87,14 +87,13 @@ std::string lower_case_extension_of(const fs::path& file) {
 
 void read_by_extension(const fs::path& file, PointCloud& cloud) {
   const std::string extension = lower_case_extension_of(file);
-  if (extension == ".bin")
-    read_bin(file, cloud);
-  else if (extension == ".pcd")
+  if (extension == ".bin") return read_bin(file, cloud);
+  if (extension == ".pcd")
     cloud = read_pcd(file);
   else if (extension == ".ply")
     cloud = read_ply(file);
   else
-    throw InputError(file.string(), ": unknown kind of scan '", extension,
+    throw InputError(FileCursor(file).file().string(), ": unknown kind of scan '", extension,
                      "'; expected .bin (KITTI), .pcd or .ply");
 }
 
