@@ -114,9 +114,13 @@ class Temporary {
 }  // namespace
 
 bool check_target(const fs::path& file) {
-  const bool replaced = is_replaced(file);
-  if (replaced) without_links(file);
-  return replaced;
+  if (!is_replaced(file)) return false;
+  const fs::path folder = fs::absolute(without_links(file)).parent_path();
+  std::error_code ignored;  // of a folder that cannot be entered: reported when the file is written
+  const fs::file_type type = fs::status(folder, ignored).type();
+  if (type != fs::file_type::directory && type != fs::file_type::none)
+    throw Error(file.string(), ": cannot create: there is no folder ", folder.string());
+  return true;
 }
 
 void write_atomically(const fs::path& file, const std::function<void(std::ostream&)>& write) {

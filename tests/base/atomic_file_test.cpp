@@ -120,6 +120,7 @@ TEST(WriteAtomically, RejectsPathsThatAreNoFile) {
     expect_error<UsageError>([&] { check_target(file); }, {file.string(), reason});
     expect_error<UsageError>([&] { write_text(file, ""); }, {file.string(), reason});
   }
+  expect_error<Error>([&] { check_target(dir / "none/f"); }, {"there is no folder", "none"});
   write_file(dir / "f", "x");
   for (const char* name : {"folder", "socket"})
     EXPECT_THROW(rename_into_place(dir / "f", dir / name), Error) << name;

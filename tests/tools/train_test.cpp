@@ -125,6 +125,8 @@ TEST_F(Learn, MistakesAreSaid) {
   expect_in(run(learn("x.ring", "--augment -1"), 2), "--augment: expected at least 0, found -1");
   expect_in(run(learn("x.ring", "--radius 0.001"), 2), "pairs of scans are nearer");
   expect_in(run("train -o x.ring", 2), "DATA");
+  expect_in(run(learn("none/x.ring"), 1), "there is no folder");
+  EXPECT_FALSE(fs::exists(path("none")));
   fs::create_directories(path("scans"));
   for (const auto& entry : fs::directory_iterator(path("town/sequences/00/velodyne")))
     fs::copy(entry.path(), fs::path(path("scans")) / entry.path().filename());

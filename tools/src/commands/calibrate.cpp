@@ -6,6 +6,7 @@
 #include "cli/terminal.h"
 #include "eval/feature_options.h"
 #include "loops/labeled_matches.h"
+#include "revisit/base/files.h"
 #include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit::cli {
@@ -150,9 +151,7 @@ void print(const Calibration& calibration, const std::vector<LabeledMatch>& matc
 
 int calibrate(const CalibrateOptions& o) {
   const fs::path& output = o.output.empty() ? o.model : o.output;
-  const fs::path folder = fs::absolute(output).parent_path();
-  if (!o.evaluate && !fs::is_directory(folder))  // first, because the evaluation may take hours
-    throw Error(output.string(), ": cannot create: there is no folder ", folder.string());
+  if (!o.evaluate) check_target(output);  // first, because the evaluation may take hours
   RingModel model = read_ring_model(o.model);
   if (o.evaluate && !model.calibration)
     throw InputError(o.model.string() +

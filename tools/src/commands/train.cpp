@@ -84,6 +84,7 @@ std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
 constexpr size_t kMaxBytesOfWeightsInModel = 256 << 10;
 
 int train(TrainOptions& o) {
+  check_target(o.output);
   const Observer observer = o.running.observer();
   std::vector<Dataset> drives;
   for (const fs::path& data : o.data)

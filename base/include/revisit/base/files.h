@@ -25,7 +25,7 @@ std::string read_head(const std::filesystem::path& file, size_t most);
 std::string content_if_any(const std::filesystem::path& file);
 
 /// Checks the target of write_atomically() before long work. Returns false if it is written
-/// directly. Throws UsageError if it is a folder, a block device, a socket or a cycle of links.
+/// directly. Throws UsageError for a folder, a device, a socket; Error without a folder for it.
 bool check_target(const std::filesystem::path& file);
 
 /// Writes a file atomically: fills a temporary file in the same folder (NAME.*.part), flushes it to
