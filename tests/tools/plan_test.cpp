@@ -288,6 +288,11 @@ TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirN
       << "of each network three ways of three parts";
 }
 
+TEST_F(PlanOption, NothingToRunIsAnError) {
+  expect_exit(3, {"--plan bidirectional: nothing was run"}, command("bidirectional"));
+  EXPECT_TRUE(fs::exists(out() / "report.html"));
+}
+
 TEST_F(PlanOption, SkippedRunsHaveOneLineAndNoEmptyTable) {
   std::ofstream(dir_ / "drive/sequences/00/simulation.txt") << "version: 1\nroute: loop\n";
   const auto result = run_ok(command("alignment,bidirectional"));

@@ -238,17 +238,22 @@ int run_plan(const EvalOptions& options, const Arguments& arguments) {
   if (!options.no_report) need_report(page, "move it away, or give --no-report");
   const std::string command = shell_command("revisit eval", arguments);
   const Experiments experiments = carry_out_plan(options, command);
-  bool good = true;
+  bool failed = false, done = false;
   for (const reports::Experiment& experiment : experiments) {
     print_experiment(experiment, std::cout);
-    good &= std::ranges::count(experiment.runs(), "failed", &reports::ExperimentRun::state) == 0;
+    for (const reports::ExperimentRun& run : experiment.runs()) {
+      failed |= run.state() == "failed";
+      done |= run.state() == "done";
+    }
   }
   std::cout << "\nresults: " << options.output.string() << "\n";
   if (!options.no_report) {
     write_page(options.output, command);
     std::cout << "report: " << page.string() << "\n";
   }
-  return good ? kOk : kFailed;
+  if (!failed && !done)
+    throw InputError("--plan ", options.plan, ": nothing was run, for the reasons above");
+  return failed ? kFailed : kOk;
 }
 
 int run_ground_truth(const EvalOptions& options) {
