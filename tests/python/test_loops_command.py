@@ -220,7 +220,7 @@ class Drives(Command):
         np.testing.assert_allclose(*figures, atol=0.1)  # poses of the lidar, and of the camera beside it
         code, _, err = run('eval', self.arrays, '--feature', 'ring', '--sensor', 'vlp16', '-q', '-o', self.folder)
         self.assertEqual(code, 3)
-        self.assertIn(f'{len(self.scans)} of {len(self.scans)} scans have no pose', err)
+        self.assertIn(f'{len(self.scans)} of {len(self.scans)} scans have no pose; give a drive that has poses', err)
         pairs = self.folder / 'pairs.csv'
         pairs.write_text(''.join(f'{line["frame"]},{line["match_frame"]}\n' for line in self.found))
         code, _, err = run('eval', self.arrays, '--sensor', 'vlp16', '--exclusion', 'frames=7', '--pairs', f'{pairs},near=1', '-q',
@@ -332,7 +332,7 @@ class Faults(Command):
         code, out, err = run('loops', data, '--all', '--sensor', 'hdl64')
         self.assertEqual((code, len(out.splitlines())), (6, 4), err)
         self.assertRegex(err, r'000002\.npy: expected a floating-point array .*; the scan is skipped')
-        self.assertIn('4 scans, 0 loops accepted: no scan had a candidate (exclusion frames=50), 1 scans skipped, 3 map entries', err)
+        self.assertIn('4 scans, 0 loops accepted: no scan had a candidate (exclusion frames=50), 1 scan skipped, 3 map entries', err)
 
     @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
     def test_invalid_bags_are_rejected(self):

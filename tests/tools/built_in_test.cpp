@@ -18,6 +18,7 @@ const std::vector<Need>& needs() {
     std::vector<Need> needs = {
         {"eval DATA --feature fabmap --descriptors OUT/described", "OpenCV", "--feature fabmap"},
         {"loops DATA --feature m2dp --candidates 10 -o OUT/loops.csv", "FAISS", "--candidates"},
+        {"map query OUT/a.map DATA --feature m2dp --candidates 10", "FAISS", "--candidates"},
         {"loops DATA --map SERVER -o OUT/loops.csv", "libpqxx", "--map"},
         {"loops DATA --map OUT/town.map --projection-from SERVER", "libpqxx", "--projection-from"},
         {"map build DATA --map SERVER", "libpqxx", "--map"},

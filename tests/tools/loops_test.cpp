@@ -162,6 +162,8 @@ TEST_F(Loops, OfMergedMaps) {
   ASSERT_EQ(found.size(), 3);
   EXPECT_TRUE(found[1].starts_with("0,,2,24,")) << found[1];
   EXPECT_TRUE(found[2].starts_with("1,,00,24,")) << found[2];
+  expect_exit(3, {"not described with the descriptor projection of " + path("one.map")},
+              town2 + "--map " + path("other.map") + " --projection-from " + path("one.map"));
   const std::vector<std::string> of_folder = lines(
       run("map query " + path("both.map") + " --sensor vlp16 -q --every 24 " + path("town2")));
   ASSERT_GT(of_folder.size(), 3);
@@ -175,6 +177,16 @@ TEST_F(Loops, OfMergedMaps) {
             0);
   for (const fs::directory_entry& entry : fs::directory_iterator(path("")))
     EXPECT_FALSE(entry.path().filename().string().starts_with("new.map")) << entry.path();
+}
+
+TEST_F(Loops, MapsKeepTheirDtype) {
+  const std::string build =
+      "map build " + path("town1") + " --every 40 --feature m2dp --map " + path("half.map");
+  run(build + " --dtype float16");
+  EXPECT_HAS(run(build), "0 added by this process");
+  EXPECT_HAS(run(build + " --dtype float16"), "0 added by this process");
+  expect_exit(3, {"--dtype float32", "half.map has float16"}, build + " --dtype float32");
+  expect_exit(2, {"--candidates"}, build + " --candidates 5");
 }
 
 TEST_F(Loops, EntriesAreRemoved) {
@@ -214,7 +226,11 @@ TEST_F(Loops, EntriesAreRemoved) {
   EXPECT_EQ(count(would), near) << would;
   EXPECT_HAS(would, "would be removed");
   EXPECT_EQ(column(0).size(), all);
-  EXPECT_EQ(count(run(region + "--drive other")), 0);
+  expect_exit(2, {"no entries of '000' (did you mean '00'?); its drives: 00"},
+              region + "--drive 000");
+  const auto nothing = result_of("map remove " + map + " --near=9e9,0,0 --radius 1", 0);
+  EXPECT_EQ(count(nothing.out), 0);
+  EXPECT_HAS(nothing.err, "no entry meets all conditions");
   EXPECT_EQ(count(run(region)), near);
   EXPECT_EQ(column(0).size(), all - near);
   EXPECT_EQ(run(ask).find("0,,00,24,"), std::string::npos);

@@ -42,11 +42,6 @@ struct LoopsOptions {
   std::string exclusion_text = to_string(exclusion), keyframes = "all";
 
   void declare(Options& options);
-  /// Candidates from an HNSW graph, of a feature that is compared by cosine; 0: no graph.
-  int64_t candidates_of_graph() const {
-    const bool has_codes = feature.feature == "ring" || feature.feature == "scan-context";
-    return has_codes ? 0 : feature.candidates.value_or(0);
-  }
   bool shows_progress() const { return !feature.quiet; }
 
  private:
@@ -135,7 +130,6 @@ void LoopsOptions::finish() {
   if (target_precision && !(*target_precision > 0 && *target_precision < 1))
     throw UsageError("--target-precision: expected more than 0, less than 1, found ",
                      *target_precision);
-  if (candidates_of_graph() > 0) need_built_in("--candidates", "FAISS");
   const bool needs_verify = !g2o.empty() || !tum.empty();
   if (needs_verify && map.no_clouds)
     throw UsageError("--no-clouds: not with ", !g2o.empty() ? "--g2o" : "--tum",
@@ -335,7 +329,7 @@ class LoopRun {
     described.options.threshold = o_.threshold;  // the detector has its own if it verifies
     described.options.warmup = o_.map.warmup;
     described.options.local_map = o_.local_map;
-    described.options.hnsw_candidates = o_.candidates_of_graph();
+    described.options.hnsw_candidates = o_.feature.graph_candidates();
     if (!o_.verify) o_.verify = described.extractor.comparison.relative_yaw && !o_.map.no_clouds;
     if (o_.target_precision) described.options.target_precision = *o_.target_precision;
     return described;

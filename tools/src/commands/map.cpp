@@ -177,6 +177,7 @@ int query_scans(QueryOptions& o) {
   RecognizerSource source = recognizer_source(o.feature, dataset, o.map);
   source.options.threshold = o.threshold;
   source.options.target_precision = o.precision;
+  source.options.hnsw_candidates = o.feature.graph_candidates();
   source.options.local_map =
       PlaceRecognizer::local_map_of(open_map(o.map, MapAccess::kRead)->fingerprint());
   if (source.options.local_map != 0)
@@ -302,10 +303,21 @@ std::optional<double> end_of_old(const std::vector<MapEntry>& entries, const Rem
   return *newest - days * kSecondsADay;
 }
 
+void check_drives(const std::vector<std::string>& drives, const std::vector<MapEntry>& entries) {
+  std::set<std::string> there;
+  for (const MapEntry& entry : entries) there.insert(entry.drive);
+  for (const std::string& drive : drives)
+    if (!there.contains(drive))
+      throw UsageError("--drive: the map has no entries of '", drive, "'",
+                       nearest_name_hint(drive, {there.begin(), there.end()}),
+                       "; its drives: ", joined(there, ", "));
+}
+
 std::set<int64_t> chosen_by(const Removal& removal, const MapStore& map) {
   int64_t last = 0;
   const std::vector<MapEntry> entries = read_entries(map, last);
   const std::set<int64_t> requested = ids_of(removal.ids, last);
+  check_drives(removal.drives, entries);
   if (!removal.has_conditions()) return requested;
   const std::optional<double> end = end_of_old(entries, removal);
   const Eigen::Vector3d center =
@@ -322,6 +334,7 @@ std::set<int64_t> chosen_by(const Removal& removal, const MapStore& map) {
     timeless += end && !entry.time ? 1 : 0;
     if (!end || (entry.time && *entry.time < *end)) chosen.insert(entry.id);
   }
+  if (chosen.empty()) note("no entry meets all conditions");
   if (timeless > 0) warn(str(timeless, " entries have no time and remain"));
   return chosen;
 }

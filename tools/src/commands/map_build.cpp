@@ -29,7 +29,7 @@ struct BuildOptions {
   MapOptions map;
 
   void declare(Options& options) {
-    feature.declare(options, Scans::kOneByOne);
+    feature.declare(options, Scans::kStored);
     map.declare(options);
     options.check([this] {
       if (map.file.empty()) throw UsageError("missing required option --map FILE");
@@ -202,7 +202,8 @@ int build_all(BuildOptions& o) {
   if (!o.feature.quiet)
     std::cout << display_name(o.map.file) << ": " << recognizer.size() << " entries, "
               << builder.added() << " added by this process"
-              << (builder.skipped() > 0 ? str(", ", builder.skipped(), " scans skipped") : "")
+              << (builder.skipped() > 0 ? str(", ", plural(builder.skipped(), "scan"), " skipped")
+                                        : "")
               << "\n";
   return builder.skipped() > 0 ? kScansSkipped : kOk;
 }

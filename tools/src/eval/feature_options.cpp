@@ -109,21 +109,24 @@ void FeatureOptions::declare_describing(Options& options, Scans scans) {
         "alignment of scans to their principal directions (default case1 for cnn and data, "
         "else none)",
         &align);
-  declare_ring(options, of_drives);
+  declare_ring(options, scans);
   if (of_drives) declare_baselines(options);
   declare_running(options, of_drives);
-  options.check([this, &options] {
+  options.check([this, &options, scans] {
     choose_feature(options, &feature);
     check_feature(options, feature);
+    if (scans == Scans::kOneByOne && graph_candidates() > 0) need_built_in("--candidates", "FAISS");
   });
 }
 
-void FeatureOptions::declare_ring(Options& options, bool of_drives) {
+void FeatureOptions::declare_ring(Options& options, Scans scans) {
   options.group("Ring descriptors:");
   options
       .option("ring", "FILE",
               "ring model of `revisit train` (default: the shipped model for the sensor)", &ring)
       .of_features("ring");
+  if (scans == Scans::kStored) return;
+  const bool of_drives = scans == Scans::kOfDrives;
   options
       .option("candidates", "N",
               str("candidates that are compared exactly, 0: all. ring and scan-context: "

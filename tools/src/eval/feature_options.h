@@ -18,8 +18,9 @@ namespace revisit::cli {
 
 struct FeatureSource;
 
-/// kOneByOne: no options of the cache and PCA of a drive, and no FAB-MAP.
-enum class Scans { kOfDrives, kOneByOne };
+/// kOneByOne: no options of the cache and PCA of a drive, and no FAB-MAP. kStored: none of queries
+/// either.
+enum class Scans { kOfDrives, kOneByOne, kStored };
 
 struct FeatureOptions {
   std::filesystem::path data;
@@ -41,7 +42,7 @@ struct FeatureOptions {
   std::string fit_on = "all";
   double memory_gb = 2;
   std::string cache;  // folder of the features; "": below the output folder
-  std::string mount;  // for Scans::kOneByOne: parse_mount(); "": identity
+  std::string mount;  // unless Scans::kOfDrives: parse_mount(); "": identity
   bool quiet = false;
 
   void declare(Options& options, Scans scans = Scans::kOfDrives);
@@ -52,6 +53,12 @@ struct FeatureOptions {
   int thread_count() const;
   /// Candidates of ring and scan-context.
   int64_t preselected() const { return candidates.value_or(default_candidates); }
+  /// Candidates from an HNSW graph, of a feature that is compared by cosine; 0: no graph. Not for
+  /// Scans::kOfDrives.
+  int64_t graph_candidates() const {
+    const bool has_codes = feature == "ring" || feature == "scan-context";
+    return has_codes ? 0 : candidates.value_or(0);
+  }
   /// Components of the PCA; 0: all; -1: no PCA; absent: the feature's default. Throws UsageError.
   std::optional<int64_t> components() const;
   /// Scans that the PCA is estimated from: "all", "map", or a folder with a PCA.
@@ -63,7 +70,7 @@ struct FeatureOptions {
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 
  private:
-  void declare_ring(Options& options, bool of_drives);
+  void declare_ring(Options& options, Scans scans);
   void declare_baselines(Options& options);
   void declare_running(Options& options, bool of_drives);
 };

@@ -145,8 +145,11 @@ Dataset spooled_recording(const FeatureOptions& options, bool needs_poses) {
   };
   Dataset dataset = spooled(scans);
   if (needs_poses && !dataset.has_poses())
-    throw InputError(options.data.string(), ": ", std::ssize(dataset.scans) - dataset.n_poses,
-                     " of ", dataset.scans.size(), " scans have no pose");
+    throw InputError(
+        options.data.string(), ": ", std::ssize(dataset.scans) - dataset.n_poses, " of ",
+        dataset.scans.size(),
+        " scans have no pose; give a drive that has poses (bags and packets have none), or "
+        "--poses where the command has it");
   return dataset;
 }
 

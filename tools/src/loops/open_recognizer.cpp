@@ -162,7 +162,12 @@ std::unique_ptr<MapStore> MapOptions::open(const RecognizerSource& source) const
   const MapFingerprint fingerprint =
       PlaceRecognizer::fingerprint_of(source.extractor, source.options);
   if (!projection.empty()) projection_of(projection, fingerprint);  // before a map is created
-  auto map = open_map(file, MapAccess::kWrite, &fingerprint, dtype);
+  auto map =
+      open_map(file, MapAccess::kWrite, &fingerprint, dtype.value_or(DescriptorType::kFloat32));
+  if (dtype && *dtype != map->descriptor_type())
+    throw InputError("--dtype ", name_of(*dtype), ": the map ", display_name(file), " has ",
+                     name_of(map->descriptor_type()),
+                     ", and only a new map can have another; leave it out, or give another --map");
   if (!projection.empty()) copy_projection(*map, projection, warn);
   return map;
 }

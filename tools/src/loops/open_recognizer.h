@@ -31,11 +31,12 @@ struct MapOptions {
   std::filesystem::path file, projection;
   std::string drive;
   int64_t warmup = RecognizerOptions().warmup;
-  DescriptorType dtype = DescriptorType::kFloat32;
+  std::optional<DescriptorType> dtype;  // only of a new map, or the map's
   bool no_clouds = false;
 
   void declare(Options& options);
-  /// Creates a missing map. Returns null without a file.
+  /// Creates a missing map. Returns null without a file. Throws InputError if the map has another
+  /// dtype or projection than given.
   std::unique_ptr<MapStore> open(const RecognizerSource& source) const;
   std::string drive_of(const Dataset& dataset) const {
     return !drive.empty() ? drive : !dataset.sequence.empty() ? dataset.sequence : dataset.name;
