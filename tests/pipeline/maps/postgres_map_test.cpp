@@ -77,11 +77,6 @@ TEST_F(PostgresMap, KeepsTimesInAnyLocale) {
 
 TEST_F(PostgresMap, NamesRemediesAndNeverThePassword) {
   writer();
-  MapFingerprint other = kOfServer;
-  other["weights"] = "sha256 4567";
-  expect_error<InputError>([&] { open_map(server_->url("town"), MapAccess::kRead, &other); },
-                           {"weights: the map has 'sha256 0123', this program 'sha256 4567'"});
-  expect_error<InputError>([&] { reader("village"); }, {"there is no map 'village'"});
   server_->execute("CREATE ROLE guest LOGIN PASSWORD 'right'");
   const auto rejected = [&](const std::string& url, const char* what) {
     const std::string message =
