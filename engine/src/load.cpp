@@ -203,10 +203,6 @@ std::vector<std::string> input_blobs(const fs::path& prototxt, const LoadOptions
   return blobs;
 }
 
-std::string port_name(const std::string& layer, size_t port) {
-  return proto::port_name(layer, port);
-}
-
 const std::string& Net::name() const {
   return impl_->graph.name;
 }

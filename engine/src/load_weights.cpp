@@ -178,7 +178,7 @@ class Loader {
     for (size_t b = 0; b < blobs.size(); ++b)
       if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
         throw InputError(place_text(file, node), " blob ", b, ": expected shape ", weights[b].shape,
-                         ", found ", text_of(blobs[b].shape),
+                         ", found ", shape_text(blobs[b].shape),
                          "; these weights belong to another network");
   }
 

@@ -2,6 +2,7 @@
 #include <new>
 
 #include "plan_impl.h"
+#include "revisit/proto/net_file.h"
 #include "schedule.h"
 
 namespace revisit::engine {
@@ -35,7 +36,7 @@ std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptio
   std::map<std::string, ValueId> all, kept;
   for (const Node& node : net.graph.nodes)
     for (size_t port = 0; port < node.outputs.size(); ++port)
-      all.try_emplace(port_name(node.name, port), node.outputs[port]);
+      all.try_emplace(proto::port_name(node.name, port), node.outputs[port]);
   if (options.keep_all) return all;
   for (const std::string& name : options.keep) {
     const auto found = all.find(name);

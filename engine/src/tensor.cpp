@@ -3,7 +3,6 @@
 #include <charconv>
 #include <ostream>
 
-#include "revisit/base/text.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::engine {
@@ -63,10 +62,6 @@ Shape Shape::with_rows(size_t axis, int64_t size) const {
   Shape empty = *this;
   empty.axes_.at(axis) = 0;
   return empty;
-}
-
-std::string text_of(const std::vector<int64_t>& axes) {
-  return axes.empty() ? "scalar" : joined(axes, "x");
 }
 
 std::ostream& operator<<(std::ostream& out, const Shape& shape) {

@@ -9,6 +9,7 @@
 #include "arrays.h"
 #include "module.h"
 #include "revisit/engine/net.h"
+#include "revisit/proto/net_file.h"
 #include "run.h"
 #include "unlocked.h"
 
@@ -260,7 +261,7 @@ void bind_engine(nb::module_& module) {
   bind_plan(module);
   bind_run(module);
 
-  module.def("port_name", &engine::port_name, "layer"_a, "port"_a,
+  module.def("port_name", &proto::port_name, "layer"_a, "port"_a,
              "Name of a layer's output for Run.layer_output(): 'slice', 'slice.1', ...");
   module.def(
       "layer_types",

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "revisit/base/error.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::random_nets {
 namespace {
@@ -87,14 +88,14 @@ class Disturb {
     for (const size_t from : cost.input_layers) {
       const engine::LayerCost& source = run_.plan().layers()[from];
       for (size_t port = 0; port < source.outputs.size(); ++port)
-        of_inputs.add(run_.layer_output(engine::port_name(source.name, port)).values());
+        of_inputs.add(run_.layer_output(proto::port_name(source.name, port)).values());
     }
     const auto weights = noise_.of_weights.find(cost.name);
     const double least =
         std::max(of_inputs.largest * noise_.of_terms,
                  weights == noise_.of_weights.end() ? 0 : weights->second * of_inputs.mean());
     for (size_t port = 0; port < cost.outputs.size(); ++port) {
-      const auto view = run_.layer_output(engine::port_name(cost.name, port));
+      const auto view = run_.layer_output(proto::port_name(cost.name, port));
       const std::vector<double> sizes = magnitudes(view.values(), view.shape, least);
       const Channels channels(view.shape);
       const auto mean = noise_.of_means.find(cost.name);
@@ -137,7 +138,7 @@ Values forward(engine::Run& run, const Values& inputs,
   for (const engine::Port& port : run.plan().outputs()) keep(port.name, run.output(port.name));
   for (const engine::LayerCost& layer : run.plan().layers())
     for (size_t port = 0; port < layer.outputs.size(); ++port) {
-      const std::string name = engine::port_name(layer.name, port);
+      const std::string name = proto::port_name(layer.name, port);
       try {
         keep(kLayer + name, run.layer_output(name));
       } catch (const UsageError&) {

@@ -4,6 +4,7 @@
 
 #include "cli/json.h"
 #include "revisit/engine/net.h"
+#include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
 #include "testing.h"
 
@@ -148,7 +149,7 @@ void expect_layers_agree(const fs::path& folder) {
     port = at == index ? port + 1 : 0;
     index = at;
     if (text(layer, "type") == "Split") continue;  // Caffe inserts them
-    const std::string name = engine::port_name(text(layer, "layer"), port);
+    const std::string name = proto::port_name(text(layer, "layer"), port);
     const auto found = run.layer_output(name).values();
     double error = error_of_statistics(found, layer);
     if (const std::string file = text(layer, "file"); !file.empty())

@@ -9,6 +9,7 @@
 #include "cli/terminal.h"
 #include "net_commands.h"
 #include "revisit/base/files.h"
+#include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
 #ifdef REVISIT_HAVE_PIPELINE  // the other builds have no readers of pictures
 #include "pictures/picture.h"
@@ -216,13 +217,13 @@ void write_outputs(const std::vector<std::string>& names, const Arrays& outputs,
     const fs::path file = output_file(folder, name, taken);
     proto::write_npy(file, shape, values.data());
     if (values.empty()) {  // no row passed a filter
-      table.row({name, engine::text_of(shape), "", "", "", file.string()});
+      table.row({name, shape_text(shape), "", "", "", file.string()});
       continue;
     }
     const auto [least, most] = std::minmax_element(values.begin(), values.end());
     const double mean =
         std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-    table.row({name, engine::text_of(shape), str(*least), str(*most), str(mean), file.string()});
+    table.row({name, shape_text(shape), str(*least), str(*most), str(mean), file.string()});
   }
   table.print(std::cout);
 }
@@ -231,7 +232,7 @@ std::vector<std::string> layer_outputs(const engine::Plan& plan) {
   std::vector<std::string> names;
   for (const engine::LayerCost& layer : plan.layers())
     for (size_t port = 0; port < layer.outputs.size(); ++port)
-      names.push_back(engine::port_name(layer.name, port));
+      names.push_back(proto::port_name(layer.name, port));
   return names;
 }
 

@@ -33,9 +33,8 @@ void set_blobs(const engine::LayerCost& cost, reports::NetLayer* layer) {
     set_shape(shape, layer->add_blobs()->mutable_shape());
 }
 
-template <class Repeated>
-std::string shape_text(const Repeated& shape) {
-  return shape.empty() ? "scalar" : joined(shape, "x");
+std::vector<int64_t> axes_of(const google::protobuf::RepeatedField<int32_t>& shape) {
+  return {shape.begin(), shape.end()};
 }
 
 reports::Timing timing(const profiling::Timing& t) {
@@ -96,7 +95,7 @@ Table layer_table(const reports::NetReport& report) {
                                  layer.type(),
                                  layer.kernel().empty() ? "-" : layer.kernel(),
                                  layer.reason().empty() ? "-" : layer.reason(),
-                                 shape_text(layer.output_shape()),
+                                 shape_text(axes_of(layer.output_shape())),
                                  number(layer.parameters(), 0),
                                  number(layer.macs() / 1e6, 2),
                                  mebi(layer.packed_weight_bytes()),
@@ -185,9 +184,11 @@ void print_summary(const reports::NetReport& report) {
               << mebi(report.weight_file_bytes()) << " MiB)";
   std::cout << "\n";
   for (const auto& port : report.inputs())
-    std::cout << "input  " << printable(port.name()) << "  " << shape_text(port.shape()) << "\n";
+    std::cout << "input  " << printable(port.name()) << "  " << shape_text(axes_of(port.shape()))
+              << "\n";
   for (const auto& port : report.outputs())
-    std::cout << "output " << printable(port.name()) << "  " << shape_text(port.shape()) << "\n";
+    std::cout << "output " << printable(port.name()) << "  " << shape_text(axes_of(port.shape()))
+              << "\n";
   std::cout << number(report.parameters(), 0) << " parameters (" << mebi(report.weight_bytes())
             << " MiB), " << number(report.macs() / 1e9, 3) << " GMACs, one run takes "
             << mebi(report.arena_bytes()) << " MiB of activations and scratch\n"

@@ -7,6 +7,7 @@
 #include "cli/terminal.h"
 #include "net_commands.h"
 #include "revisit/engine/net.h"
+#include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {
@@ -98,7 +99,7 @@ OutputError compare_output(const engine::Run& run, const std::string& name, cons
           std::ranges::count(run.plan().outputs(), blob, &engine::Port::name) > 0;
       return compare(
           i, blob,
-          is_output ? run.output(blob) : run.layer_output(engine::port_name(layers[i].name, port)));
+          is_output ? run.output(blob) : run.layer_output(proto::port_name(layers[i].name, port)));
     }
   for (size_t i = 0; i < layers.size(); ++i)
     if (is_named(layers[i].name))
@@ -110,7 +111,7 @@ double largest_error(const engine::Run& a, const engine::Run& b) {
   double worst = 0;
   for (const engine::LayerCost& layer : a.plan().layers())
     for (size_t port = 0; port < layer.outputs.size(); ++port) {
-      const std::string name = engine::port_name(layer.name, port);
+      const std::string name = proto::port_name(layer.name, port);
       worst = std::max(worst, error_of(a.layer_output(name).values(), b.layer_output(name).values(),
                                        layer.type == "Softmax"));
     }

@@ -52,7 +52,7 @@ struct PlanOptions {
   int threads = 1;
   /// Keeps the outputs of all layers, not only the net's outputs; disables layer fusion.
   bool keep_all = false;
-  /// Layers whose outputs are kept for Run::layer_output(), by port_name(). Disables only the
+  /// Layers whose outputs are kept for Run::layer_output(), by proto::port_name(). Disables only
   /// fusions that would overwrite them.
   std::vector<std::string> keep = {};
   /// Disables SIMD, OpenBLAS and layer fusion: the reference that tests compare fast kernels with.
@@ -236,9 +236,6 @@ class Net {
 std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
                                      const LoadOptions& options = {});
 
-/// Returns the name of output `port` of a layer with keep_all: "slice", "slice.1", "slice.2", ...
-std::string port_name(const std::string& layer, size_t port);
-
 /// Execution context that owns the memory of a plan. Use one per thread; runs of one plan can
 /// execute concurrently. Threads are OpenMP's, one team per thread that calls forward(). fork()
 /// ends the team of the calling thread, so that parent and child each create a new one. See
@@ -265,8 +262,8 @@ class Run {
   /// Output of the net. Throws UsageError for an unknown name. If the number of rows depends on the
   /// data (Filter, Proposal, ...), the shape is that of the last pass and can have no rows.
   View<const float> output(std::string_view name) const;
-  /// Output of a layer before later in-place layers, by port_name(). Throws UsageError unless the
-  /// plan has keep_all or the name in `keep`, because other buffers are overwritten.
+  /// Output of a layer before later in-place layers, by proto::port_name(). Throws UsageError
+  /// unless the plan has keep_all or the name in `keep`, because other buffers are overwritten.
   View<const float> layer_output(std::string_view name) const;
 
   const Plan& plan() const { return plan_; }

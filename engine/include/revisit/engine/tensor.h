@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit::engine {
 
@@ -19,9 +20,6 @@ enum class Precision {
   /// (including inputs and outputs of the net) stay in float32.
   kBf16,
 };
-
-/// Formats axes that need not be a valid shape, like Shape::text().
-std::string text_of(const std::vector<int64_t>& axes);
 
 /// Size of a tensor, slowest axis first; `[n][c][h][w]` for images. Up to 32 axes, Caffe's limit; a
 /// scalar has none. Their product is at most kMaxElements, checked on construction.
@@ -49,8 +47,8 @@ class Shape {
   Shape with(size_t axis, int64_t size) const;
   /// Allows size 0, for data-dependent numbers of rows.
   Shape with_rows(size_t axis, int64_t size) const;
-  /// "1x3x107x4000"; "scalar" without axes.
-  std::string text() const { return text_of(axes_); }
+  /// "1x3x107x4000"; "()" without axes.
+  std::string text() const { return shape_text(axes_); }
 
   friend bool operator==(const Shape&, const Shape&) = default;
 
