@@ -45,9 +45,10 @@ void link_case(const fs::path& folder, const fs::path& prototxt, const fs::path&
 /// Each pair of prototxt and weights in index.json.
 void link_formats(const fs::path& to) {
   const fs::path from = test::golden("formats");
-  const Struct index = read_json(from / "index.json");
+  google::protobuf::ListValue index;
+  cli::read_report(from / "index.json", &index);
   int n = 0;
-  for (const auto& value : index.fields().at("").list_value().values()) {
+  for (const auto& value : index.values()) {
     const std::string prototxt = text(value.struct_value(), "prototxt"),
                       weights = text(value.struct_value(), "weights");
     link_case(to / str(++n), from / prototxt, from / weights, from / "in_data.npy", from);

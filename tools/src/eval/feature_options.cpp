@@ -91,8 +91,8 @@ void FeatureOptions::declare_describing(Options& options, Scans scans) {
       .of_features("cnn ring");
   options
       .option("end", "LAYER[+LAYER]",
-              "cnn: layer whose output is the feature, e.g. conv3, or conv3+pool5 with a copy of "
-              "the pooling layer after it",
+              "cnn: layer of the feature, e.g. conv3; conv3+pool5 appends a copy of the pooling "
+              "layer",
               &end)
       .of_features("cnn")
       .common(of_drives);
