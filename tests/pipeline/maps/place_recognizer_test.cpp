@@ -23,6 +23,18 @@ PointCloud scan_of(int i) {
   return cloud;
 }
 
+Description described(const PlaceRecognizer& recognizer, int i) {
+  return recognizer.describe(view_of(scan_of(i)));
+}
+
+auto match_of(const PlaceRecognizer& recognizer, int i) {
+  return recognizer.query(described(recognizer, i));
+}
+
+std::function<void(const std::string&)> into(std::vector<std::string>& messages) {
+  return [&messages](const std::string& message) { messages.push_back(message); };
+}
+
 std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
                                  const RecognizerOptions& options = {}) {
   const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(coordinates(), options);
@@ -33,13 +45,10 @@ std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
 std::vector<int64_t> drive(PlaceRecognizer& recognizer, int first, int last) {
   std::vector<int64_t> found;
   for (int i = first; i < last; ++i) {
-    const PointCloud cloud = scan_of(i);
-    const Description scan = recognizer.describe(view_of(cloud));
+    const Description scan = described(recognizer, i);
     const auto loop = recognizer.query(scan);
     found.push_back(loop ? loop->index : -1);
-    MapEntry about;
-    about.frame = 10 * i;
-    EXPECT_EQ(recognizer.add(scan, about), i);
+    EXPECT_EQ(recognizer.add(scan, {.frame = 10 * i}), i);
   }
   return found;
 }
@@ -48,8 +57,7 @@ TEST(PlaceRecognizer, FindsMatchesWithTheirProperties) {
   PlaceRecognizer recognizer(coordinates(), {.warmup = 30, .threshold = 0.5});
   drive(recognizer, 0, 100);
   for (int i = 100; i < 130; ++i) {
-    const PointCloud cloud = scan_of(i);
-    const Description scan = recognizer.describe(view_of(cloud));
+    const Description scan = described(recognizer, i);
     const auto loop = recognizer.query(scan);
     ASSERT_TRUE(loop);
     EXPECT_EQ(loop->index, i - 100);
@@ -58,7 +66,7 @@ TEST(PlaceRecognizer, FindsMatchesWithTheirProperties) {
     EXPECT_LE(loop->kth_similarity, loop->similarity);
     EXPECT_EQ(loop->score, 2 * loop->similarity - loop->kth_similarity);
     EXPECT_EQ(loop->accepted, loop->score >= 0.5);
-    EXPECT_NEAR(*loop->relative_yaw, cloud.points[0].x - scan_of(i - 100).points[0].x, 1e-5);
+    EXPECT_NEAR(*loop->relative_yaw, scan_of(i).points[0].x - scan_of(i - 100).points[0].x, 1e-5);
     const int64_t without[] = {i - 100};
     EXPECT_NE(recognizer.query(scan, without)->index, i - 100);
   }
@@ -121,7 +129,7 @@ std::optional<std::string> build(const std::filesystem::path& file, int64_t warm
   std::vector<MapEntry> entries;
   for (int64_t frame = 0; frame < most; ++frame) {
     if (there.contains(frame)) continue;
-    scans.push_back(recognizer.describe(view_of(scan_of(static_cast<int>(frame)))));
+    scans.push_back(described(recognizer, static_cast<int>(frame)));
     entries.push_back({.drive = "x", .frame = frame});
     if (std::ssize(scans) < at_once) continue;
     recognizer.add(std::exchange(scans, {}), std::exchange(entries, {}));
@@ -175,12 +183,12 @@ std::optional<std::string> projection_of(const std::vector<int>& numbers, int64_
       std::vector<Description> scans;
       std::vector<MapEntry> entries;
       for (; done < numbers.size() && std::ssize(scans) < at_once; ++done) {
-        scans.push_back(recognizer.describe(view_of(scan_of(numbers[done]))));
+        scans.push_back(described(recognizer, numbers[done]));
         entries.push_back({.frame = static_cast<int64_t>(done)});
       }
       recognizer.add(scans, entries);
       EXPECT_EQ(recognizer.size(), static_cast<int64_t>(done));
-      EXPECT_TRUE(recognizer.query(recognizer.describe(view_of(scan_of(numbers[0])))));
+      EXPECT_TRUE(recognizer.query(described(recognizer, numbers[0])));
     }
   }
   return open_map(folder / "a.map", MapAccess::kRead)->value(kProjectionValue);
@@ -225,8 +233,8 @@ TEST(PlaceRecognizer, ScoresByDistinctPlaces) {
   drive(recognizer, 0, 60);
   std::vector<int64_t> same(1, 7);
   for (int i = 0; i < 600; ++i)
-    same.push_back(recognizer.add(recognizer.describe(view_of(scan_of(107))), {.frame = i}));
-  const Description scan = recognizer.describe(view_of(scan_of(207)));
+    same.push_back(recognizer.add(described(recognizer, 107), {.frame = i}));
+  const Description scan = described(recognizer, 207);
   const auto loop = recognizer.query(scan);
   EXPECT_LT(loop->kth_similarity, 0.98);
   EXPECT_EQ(loop->score, 2 * loop->similarity - loop->kth_similarity);
@@ -330,10 +338,9 @@ TEST(PlaceRecognizer, HaltsAndRepeatedStreetsAreNotAmbiguous) {
 TEST(PlaceRecognizer, FindsTunnelsInAnyMap) {
   const TempDir folder;
   const FeatureExtractor extractor = coordinates_of_places(kSamePlace);
-  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(extractor, kAcceptsAll);
   const auto open = [&](const char* name) {
-    return std::make_unique<PlaceRecognizer>(
-        extractor, kAcceptsAll, open_map(folder / name, MapAccess::kWrite, &fingerprint));
+    return std::make_unique<PlaceRecognizer>(extractor, kAcceptsAll,
+                                             map_in(folder / name, kAcceptsAll));
   };
   const auto answers = [](const PlaceRecognizer& recognizer) {
     std::vector<std::pair<int64_t, bool>> all;
@@ -380,9 +387,8 @@ TEST(PlaceRecognizer, RefreshLoadsEntriesOfOthers) {
   reader.refresh();
   EXPECT_EQ(reader.size(), 50);
   EXPECT_EQ(reader.threshold(), 0.25);
-  const PointCloud query = scan_of(107);
-  const auto there = writer.query(writer.describe(view_of(query)));
-  const auto here = reader.query(reader.describe(view_of(query)));
+  const auto there = match_of(writer, 107);
+  const auto here = match_of(reader, 107);
   EXPECT_EQ(here->index, 7);
   EXPECT_EQ(here->similarity, there->similarity);
   EXPECT_TRUE(here->accepted);
@@ -448,7 +454,7 @@ TEST(PlaceRecognizer, RefreshResumesAfterAnError) {
   EXPECT_EQ(recognizer.size(), 3);
   recognizer.refresh_if_updated();
   EXPECT_EQ(recognizer.size(), 6);
-  const Description scan = recognizer.describe(view_of(scan_of(105)));
+  const Description scan = described(recognizer, 105);
   EXPECT_EQ(recognizer.query(scan)->id, 5);
   other->remove(std::vector<int64_t>{5});
   breaking.driver->breaks_at = "checksum FROM removed";
@@ -461,7 +467,7 @@ TEST(PlaceRecognizer, AddsEntriesIfTheWarmUpCannotEnd) {
   BreakingMap breaking(coordinates(), {.warmup = 3});
   std::vector<std::string> warnings;
   PlaceRecognizer recognizer(coordinates(), {.warmup = 3}, std::move(breaking.store),
-                             [&](const std::string& message) { warnings.push_back(message); });
+                             into(warnings));
   breaking.driver->breaks_at = "UPDATE entry";
   drive(recognizer, 0, 3);
   EXPECT_EQ(breaking.map->size(), 3);
@@ -471,7 +477,7 @@ TEST(PlaceRecognizer, AddsEntriesIfTheWarmUpCannotEnd) {
   drive(recognizer, 3, 4);
   EXPECT_TRUE(breaking.map->value(kProjectionValue));
   EXPECT_EQ(warnings.size(), 1U);
-  EXPECT_EQ(recognizer.query(recognizer.describe(view_of(scan_of(102))))->index, 2);
+  EXPECT_EQ(match_of(recognizer, 102)->index, 2);
 }
 
 TEST(PlaceRecognizer, RejectsInvalidDescriptions) {
@@ -485,7 +491,7 @@ TEST(PlaceRecognizer, RejectsInvalidDescriptions) {
   for (int i = 0; i < 2; ++i) {  // without and with entries
     expect_error<UsageError>([&] { recognizer.query(two); }, {"has 2 dimensions", "has 6"});
     expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"has 2 dimensions", "has 6"});
-    recognizer.add(recognizer.describe(view_of(scan_of(i))), {});
+    recognizer.add(described(recognizer, i), {});
   }
   EXPECT_EQ(recognizer.size(), 2);
 }
@@ -501,9 +507,8 @@ TEST(PlaceRecognizer, SkipsEntriesOfOtherDimensions) {
   std::vector<std::string> problems;
   const auto open = [&] {
     problems.clear();
-    return std::make_unique<PlaceRecognizer>(
-        coordinates(), RecognizerOptions{.warmup = 10}, map_in(folder / "a.map"),
-        [&](const std::string& problem) { problems.push_back(problem); });
+    return std::make_unique<PlaceRecognizer>(coordinates(), RecognizerOptions{.warmup = 10},
+                                             map_in(folder / "a.map"), into(problems));
   };
   auto recognizer = open();
   ASSERT_EQ(problems.size(), 1);
@@ -514,7 +519,7 @@ TEST(PlaceRecognizer, SkipsEntriesOfOtherDimensions) {
   ASSERT_EQ(problems.size(), 1);
   EXPECT_HAS(problems[0], "its descriptor has 3 dimensions, expected 6");
   EXPECT_EQ(recognizer->size(), 30);
-  EXPECT_EQ(recognizer->query(recognizer->describe(view_of(scan_of(107))))->id, 9);
+  EXPECT_EQ(match_of(*recognizer, 107)->id, 9);
 }
 
 TEST(PlaceRecognizer, SkipsEntriesWithTooLargeValues) {
@@ -528,7 +533,7 @@ TEST(PlaceRecognizer, SkipsEntriesWithTooLargeValues) {
   }
   std::vector<std::string> problems;
   PlaceRecognizer recognizer(coordinates(), {.warmup = 2}, map_in(folder / "a.map"),
-                             [&](const std::string& problem) { problems.push_back(problem); });
+                             into(problems));
   ASSERT_EQ(problems.size(), 2);
   EXPECT_HAS(problems[0], "entry 2 is skipped: its feature has numbers that are not finite, or");
   EXPECT_EQ(recognizer.size(), 1);
@@ -551,8 +556,7 @@ TEST(PlaceRecognizer, IgnoresInvalidCalibrationsOfAMap) {
     auto map = map_in(folder / "a.map");
     map->set_value(name, text);
     std::vector<std::string> warnings;
-    PlaceRecognizer recognizer(coordinates(), {}, std::move(map),
-                               [&](const std::string& what) { warnings.push_back(what); });
+    PlaceRecognizer recognizer(coordinates(), {}, std::move(map), into(warnings));
     recognizer.refresh();
     EXPECT_FALSE(recognizer.threshold());
     ASSERT_EQ(warnings.size(), 1);
@@ -574,8 +578,7 @@ TEST(PlaceRecognizer, IgnoresCorruptCalibrationsOfAMap) {
     map_in(file)->set_value(std::string(name), "0.75");
     test::execute_sql(file, str("UPDATE value SET bytes = '0.25' WHERE name = '", name, "'"));
     std::vector<std::string> warnings;
-    PlaceRecognizer recognizer(coordinates(), {}, map_in(file),
-                               [&](const std::string& what) { warnings.push_back(what); });
+    PlaceRecognizer recognizer(coordinates(), {}, map_in(file), into(warnings));
     EXPECT_FALSE(recognizer.threshold());
     ASSERT_EQ(warnings.size(), 1);
     EXPECT_HAS(warnings[0], "the checksum of a value is wrong");
@@ -608,9 +611,8 @@ TEST(PlaceRecognizer, EstimatesTheProjectionOfABatchOnce) {
 
 TEST(PlaceRecognizer, ExcludesIndicesInAnyOrder) {
   PlaceRecognizer recognizer(coordinates(), {.warmup = 2, .k = 1});
-  for (int i = 0; i < 5; ++i)
-    recognizer.add(recognizer.describe(view_of(scan_of(i))), {.frame = i});
-  const Description scan = recognizer.describe(view_of(scan_of(103)));
+  for (int i = 0; i < 5; ++i) recognizer.add(described(recognizer, i), {.frame = i});
+  const Description scan = described(recognizer, 103);
   EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{9, -4, INT64_MAX, 2, 0})->index, 3);
   EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{4, 3, 1, 0, 3})->index, 2);
   EXPECT_FALSE(recognizer.query(scan, std::vector<int64_t>{4, 3, 2, 1, 0, INT64_MIN}));
@@ -624,7 +626,7 @@ TEST(PlaceRecognizer, NeverReturnsRemovedEntries) {
         coordinates(), RecognizerOptions{.warmup = warmup}, map_in(file));
     drive(*writer, 0, 60);
     PlaceRecognizer reader(coordinates(), {.warmup = warmup}, open_map(file, MapAccess::kRead));
-    const Description scan = reader.describe(view_of(scan_of(107)));
+    const Description scan = described(reader, 107);
     ASSERT_EQ(reader.query(scan)->index, 7);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7, 30, 7}), 2);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
@@ -635,25 +637,24 @@ TEST(PlaceRecognizer, NeverReturnsRemovedEntries) {
     reader.refresh();
     EXPECT_NE(reader.query(scan)->index, 7);
     // The others keep their indices, and a new entry gets the next one.
-    EXPECT_EQ(reader.query(reader.describe(view_of(scan_of(108))))->index, 8);
+    EXPECT_EQ(match_of(reader, 108)->index, 8);
     EXPECT_EQ(writer->size(), 60);
     drive(*writer, 60, 70);
     reader.refresh();
     const PlaceRecognizer* const both[] = {writer.get(), &reader};
-    for (const PlaceRecognizer* one : both)
-      EXPECT_EQ(one->query(one->describe(view_of(scan_of(165))))->index, 65);
-    writer->add(writer->describe(view_of(scan_of(7))), {.drive = "anew", .frame = 70});
+    for (const PlaceRecognizer* one : both) EXPECT_EQ(match_of(*one, 165)->index, 65);
+    writer->add(described(*writer, 7), {.drive = "anew", .frame = 70});
     EXPECT_EQ(writer->query(scan)->drive, "anew");
     writer.reset();
     const PlaceRecognizer again(coordinates(), {.warmup = warmup}, map_in(file));
     EXPECT_EQ(again.size(), 69);
     EXPECT_EQ(again.query(scan)->drive, "anew");
-    EXPECT_EQ(again.query(again.describe(view_of(scan_of(108))))->id, 9);
+    EXPECT_EQ(match_of(again, 108)->id, 9);
   }
   PlaceRecognizer nowhere(coordinates(), {.warmup = 2});
   drive(nowhere, 0, 10);
   EXPECT_EQ(nowhere.remove(std::vector<int64_t>{3}), 1);
-  EXPECT_NE(nowhere.query(nowhere.describe(view_of(scan_of(103))))->index, 3);
+  EXPECT_NE(match_of(nowhere, 103)->index, 3);
 }
 
 TEST(PlaceRecognizer, RejectsInvalidThresholds) {
@@ -664,11 +665,12 @@ TEST(PlaceRecognizer, RejectsInvalidThresholds) {
   EXPECT_FALSE(recognizer.threshold());
 }
 
-/// Matches with scores below 0.2 are wrong, from 1.1 on correct, in between mostly correct.
-Calibration some_calibration() {
+/// Matches with scores below 0.2 are incorrect, from `correct_from` on correct, in between mostly
+/// correct.
+Calibration some_calibration(double correct_from = 1.1) {
   Calibration calibration;
   calibration.trained_on = "a town";
-  calibration.blocks = {{-1, 1000, 0}, {0.2, 1000, 600}, {1.1, 1000, 1000}};
+  calibration.blocks = {{-1, 1000, 0}, {0.2, 1000, 600}, {correct_from, 1000, 1000}};
   return calibration;
 }
 
@@ -688,7 +690,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
   int accepted = 0;
   for (int i = 50; i < 150; ++i) {  // the first half without matches of their own place
     const std::vector<int64_t> without = i < 100 ? std::vector<int64_t>{i} : std::vector<int64_t>{};
-    const auto loop = recognizer.query(recognizer.describe(view_of(scan_of(i))), without);
+    const auto loop = recognizer.query(described(recognizer, i), without);
     EXPECT_EQ(loop->accepted, loop->score >= 1.1);
     EXPECT_EQ(loop->probability,
               std::min(100.0 / 101, some_calibration().probability(loop->score)));
@@ -702,7 +704,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
     drive(uncalibrated, 0, 5);
     EXPECT_FALSE(uncalibrated.threshold());
     EXPECT_FALSE(uncalibrated.calibration());
-    EXPECT_FALSE(uncalibrated.query(uncalibrated.describe(view_of(scan_of(9))))->probability);
+    EXPECT_FALSE(match_of(uncalibrated, 9)->probability);
     expect_error<UsageError>([&] { uncalibrated.calibrate(some_calibration()); }, {"k = 4"});
   }
   for (const double precision : {0.0, 1.0, -1.0, std::nan("")})
@@ -715,9 +717,7 @@ TEST(PlaceRecognizer, PrefersTheCalibrationOfTheMap) {
   const auto opened = [&](const RecognizerOptions& options = {}) {
     return PlaceRecognizer(calibrated_coordinates(), options, map_in(folder / "a.map"));
   };
-  Calibration own = some_calibration();
-  own.blocks[2].lowest = 1.2;
-  own.trained_on = "this robot";
+  const Calibration own = some_calibration(1.2);
   {
     PlaceRecognizer recognizer = opened();
     EXPECT_EQ(recognizer.threshold(), 1.1);
@@ -750,11 +750,9 @@ TEST(PlaceRecognizer, IgnoresCalibrationsForOtherScores) {
   std::vector<std::string> warnings;
   const auto opened = [&](std::optional<Score> score) {
     warnings.clear();
-    return PlaceRecognizer(extractor, {.score = score}, map_in(folder / "a.map"),
-                           [&](const std::string& message) { warnings.push_back(message); });
+    return PlaceRecognizer(extractor, {.score = score}, map_in(folder / "a.map"), into(warnings));
   };
-  Calibration old = some_calibration();
-  old.blocks[2].lowest = 1.2;
+  const Calibration old = some_calibration(1.2);
   opened(Score::kMargin).calibrate(old);
   EXPECT_EQ(opened(Score::kMargin).threshold(), 1.2);
   EXPECT_TRUE(warnings.empty());
@@ -776,8 +774,7 @@ TEST(PlaceRecognizer, IgnoresCalibrationsForOtherScores) {
 }
 
 TEST(PlaceRecognizer, KeepsCalibrationsInTheMap) {
-  Calibration own = some_calibration();
-  own.blocks[2].lowest = 1.2;
+  const Calibration own = some_calibration(1.2);
   const TempDir folder;
   for (const bool kept : {true, false}) {
     SCOPED_TRACE(kept);
@@ -805,8 +802,7 @@ TEST(PlaceRecognizer, KeepsCalibrationsInTheMap) {
 TEST(PlaceRecognizer, DropsTheThresholdBeforeACalibrationIsStored) {
   BreakingMap breaking(calibrated_coordinates());
   PlaceRecognizer recognizer(calibrated_coordinates(), {}, std::move(breaking.store));
-  Calibration own = some_calibration();
-  own.blocks[2].lowest = 1.2;
+  const Calibration own = some_calibration(1.2);
   const auto break_off = [&](const auto& calibration) {
     breaking.driver->breaks_at = "INSERT INTO value";
     breaking.driver->statements_left = 1;
@@ -842,7 +838,7 @@ TEST(PlaceRecognizer, MakesTheFeatureFunctionOnce) {
     return make();
   };
   const PlaceRecognizer recognizer(extractor, {});
-  for (int i = 0; i < 3; ++i) recognizer.describe(view_of(scan_of(i)));
+  for (int i = 0; i < 3; ++i) described(recognizer, i);
   EXPECT_EQ(made, 1);
 }
 
@@ -853,10 +849,7 @@ TEST(PlaceRecognizer, RejectsMapsOfOtherFeatures) {
                            {"alignment", "case1", "none"});
   FeatureExtractor other = coordinates();
   other.key = "coordinates 2";
-  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(other, {});
-  expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &fingerprint); },
-                           {"coordinates 1", "coordinates 2"});
-  // Also with a map opened without a fingerprint.
+  // The map was opened without a fingerprint.
   auto map = open_map(folder / "a.map", MapAccess::kRead);
   expect_error<InputError>([&] { PlaceRecognizer(other, {}, std::move(map)); },
                            {"coordinates 1", "coordinates 2"});
@@ -884,13 +877,12 @@ TEST(PlaceRecognizer, ComparesHnswCandidatesExactly) {
     PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
     for (int i = 0; i < 300; ++i)
       for (PlaceRecognizer* recognizer : {&all, &graph})
-        recognizer->add(recognizer->describe(view_of(scan_of(i))), {.frame = i});
+        recognizer->add(described(*recognizer, i), {.frame = i});
   }
   const PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
   int same = 0;
   for (int i = 300; i < 400; ++i) {
-    const auto a = all.query(all.describe(view_of(scan_of(i)))),
-               b = graph.query(graph.describe(view_of(scan_of(i))));
+    const auto a = match_of(all, i), b = match_of(graph, i);
     same += a->index == b->index && a->score == b->score ? 1 : 0;
   }
   EXPECT_GE(same, 98);
@@ -911,8 +903,7 @@ TEST(PlaceRecognizer, IsThreadSafe) {
   for (int t = 0; t < 4; ++t)
     threads.emplace_back([&, t] {
       for (int i = t; i < 100; i += 4) {
-        const PointCloud cloud = scan_of(100 + i);
-        const Description scan = recognizer.describe(view_of(cloud));
+        const Description scan = described(recognizer, 100 + i);
         const auto loop = recognizer.query(scan);
         right += loop->frame % 1000 == 10 * i;
         recognizer.add(scan, {.frame = 1000 + 10 * i});
