@@ -48,6 +48,7 @@ Vec3 anywhere(Random& random, double reach) {
 /// Every `rare`-th triangle moves.
 struct Scattered {
   Scattered(Random& random, int count, double size, int rare) {
+    Mesh still, moving;
     for (int i = 0; i < count; ++i) {
       const Vec3 center = anywhere(random, 20);
       Vec3 corner[3];
@@ -57,8 +58,13 @@ struct Scattered {
     }
     both = still;
     both.append(moving, {});
+    scene.emplace(std::move(still));
+    caster.emplace(*scene);
+    caster->place(moving);
   }
-  Mesh still, moving, both;
+  Mesh both;
+  std::optional<Scene> scene;
+  std::optional<RayCaster> caster;
 };
 
 TEST(RayCaster, AgreesWithTestingEveryTriangle) {
@@ -68,11 +74,8 @@ TEST(RayCaster, AgreesWithTestingEveryTriangle) {
   for (int i = 0; i < 1003; ++i)  // no multiple of the packet's size
     directions.push_back(anywhere(random, 1).normalized());
   const Vec3 origin(0.3f, -0.2f, 0.1f);
-  const Scene scene(std::move(triangles.still));
-  RayCaster caster(scene);
   std::vector<Hit> hits(directions.size());
-  caster.place(triangles.moving);
-  caster.cast(origin, directions, 100, hits);
+  triangles.caster->cast(origin, directions, 100, hits);
   int met = 0, edges = 0;
   for (size_t i = 0; i < directions.size(); ++i) {
     const double expected = nearest_triangle(triangles.both, origin, directions[i]);
@@ -97,11 +100,8 @@ TEST(RayCaster, FindsObstructionsAsTestingEveryTriangle) {
   for (int i = 0; i < 517; ++i) origins.push_back(anywhere(random, 25));
   const Vec3 direction = Vec3(0.3f, -0.5f, 0.8f).normalized();
   constexpr float kReach = 12;
-  const Scene scene(std::move(triangles.still));
-  RayCaster caster(scene);
-  caster.place(triangles.moving);
   std::vector<uint8_t> obstructed(origins.size());
-  caster.obstructed(origins, direction, kReach, obstructed);
+  triangles.caster->obstructed(origins, direction, kReach, obstructed);
   int yes = 0, edges = 0;
   for (size_t i = 0; i < origins.size(); ++i) {
     const double nearest = nearest_triangle(triangles.both, origins[i], direction);
@@ -156,13 +156,16 @@ Scene room(const Vec3& low, const Vec3& high, double reflectance) {
   return Scene(std::move(mesh));
 }
 
+PointCloud scanned(const Scene& scene, const char* sensor, NoiseModel noise, int frame = 1) {
+  RayCaster rays(scene);
+  const BeamPattern pattern = beam_pattern(sensor);
+  return Lidar(pattern, noise, 1).scan(frame, Pose::Identity(), rays);
+}
+
 TEST(Lidar, RangeNoiseHasTheSigmaAskedForAndNoReturnIsBeyondTheMaximum) {
   const Scene scene = room({-20, -15, -3}, {20, 15, 8}, 0.9);
-  const BeamPattern pattern = beam_pattern("vlp16");
-  RayCaster rays(scene);
-  Lidar exact(pattern, {0, 0}, 1), noisy(pattern, {0.05, 0}, 1);
-  const PointCloud truth = exact.scan(3, Pose::Identity(), rays);
-  const PointCloud cloud = noisy.scan(3, Pose::Identity(), rays);
+  const PointCloud truth = scanned(scene, "vlp16", {0, 0});
+  const PointCloud cloud = scanned(scene, "vlp16", {0.05, 0});
   ASSERT_EQ(truth.points.size(), 16u * 1800u);
   ASSERT_EQ(cloud.points.size(), truth.points.size());
   double squares = 0;
@@ -181,22 +184,15 @@ TEST(Lidar, RangeNoiseHasTheSigmaAskedForAndNoReturnIsBeyondTheMaximum) {
 
 TEST(Lidar, DropoutIsTheShareAskedFor) {
   const Scene scene = room({-9, -9, -3}, {9, 9, 8}, 1);
-  const BeamPattern pattern = beam_pattern("vlp16");
-  RayCaster rays(scene);
-  Lidar lidar(pattern, {0.02, 0.25}, 1);
-  EXPECT_NEAR(
-      static_cast<double>(lidar.scan(0, Pose::Identity(), rays).points.size()) / (16 * 1800), 0.75,
-      0.01);
+  const size_t points = scanned(scene, "vlp16", {0.02, 0.25}).points.size();
+  EXPECT_NEAR(static_cast<double>(points) / (16 * 1800), 0.75, 0.01);
 }
 
 TEST(Lidar, SensorsThatLookAheadSeeTheirField) {
   const Scene scene = room({-9, -9, -9}, {9, 9, 9}, 1);
-  RayCaster rays(scene);
   for (const auto& [model, width, height] :
        {std::tuple("front120", 60.0, 12.5), std::tuple("livox-avia", 35.2, 38.6)}) {
-    const BeamPattern pattern = beam_pattern(model);
-    Lidar lidar(pattern, {0, 0}, 1);
-    const PointCloud cloud = lidar.scan(1, Pose::Identity(), rays);
+    const PointCloud cloud = scanned(scene, model, {0, 0});
     EXPECT_GT(cloud.points.size(), 18000) << model;
     double widest = 0, highest = 0;
     for (const Point& p : cloud.points) {
@@ -205,7 +201,7 @@ TEST(Lidar, SensorsThatLookAheadSeeTheirField) {
     }
     EXPECT_NEAR(widest / kDegree, width, 0.5) << model;
     EXPECT_NEAR(highest / kDegree, height, 0.5) << model;
-    const Point again = lidar.scan(2, Pose::Identity(), rays).points[9000];
+    const Point again = scanned(scene, model, {0, 0}, 2).points[9000];
     EXPECT_NE(again.y, cloud.points[9000].y) << "another phase";
   }
 }
@@ -866,11 +862,15 @@ TEST_F(Simulate, SettingsThatCannotBeAreRefused) {
       << "nothing is written before the settings are known good";
 }
 
-TEST_F(Simulate, PosesThatAreNoRoadAreRefusedWithTheirLine) {
+/// Poses along z.
+std::string straight(const std::vector<double>& forward) {
   std::string text;
-  for (int i = 0; i < 3; ++i) text += str("1 0 0 0 0 1 0 0 0 0 1 ", i == 2 ? 1e7 : i, "\n");
-  write_file(dir / "far.txt", text);
-  config.output = dir / "out";
+  for (const double z : forward) text += str("1 0 0 0 0 1 0 0 0 0 1 ", z, "\n");
+  return text;
+}
+
+TEST_F(Simulate, PosesThatAreNoRoadAreRefusedWithTheirLine) {
+  write_file(dir / "far.txt", straight({0, 1, 1e7}));
   config.poses = dir / "far.txt";
   config.last_frame.reset();
   expect_error<InputError>([&] { simulate(config); }, {"far.txt:3:"});
@@ -879,20 +879,14 @@ TEST_F(Simulate, PosesThatAreNoRoadAreRefusedWithTheirLine) {
 }
 
 TEST_F(Simulate, DrivesThatHardlyMoveOrJumpAreSimulated) {
-  const auto write = [&](const std::string& name, const std::vector<double>& forward) {
-    std::string text;
-    for (const double z : forward) text += str("1 0 0 0 0 1 0 0 0 0 1 ", z, "\n");
-    write_file(dir / name, text);
-  };
-  write("one", {0});
-  write("still", {0, 0, 0, 0});
-  write("jump", {0, 1, 2, 3, 500, 501, 502});
-  write("back", {0, 1, 2, 1, 0, -1, -2});
-  for (const char* name : {"one", "still", "jump", "back"}) {
-    SCOPED_TRACE(name);
-    config.output = dir / (std::string("out_") + name);
-    config.poses = dir / name;
-    config.last_frame.reset();
+  config.last_frame.reset();
+  for (const std::vector<double>& forward : std::initializer_list<std::vector<double>>{
+           {0}, {0, 0, 0, 0}, {0, 1, 2, 3, 500, 501, 502}, {0, 1, 2, 1, 0, -1, -2}}) {
+    const std::string poses = straight(forward);
+    SCOPED_TRACE(poses);
+    config.poses = dir / "poses.txt";
+    config.output = dir / str("out", forward.back(), "_", forward.size());
+    write_file(*config.poses, poses);
     const SimulationSummary summary = simulate(config);
     EXPECT_GT(summary.scans, 0);
     EXPECT_GT(summary.mean_points, 5000);

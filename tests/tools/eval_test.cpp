@@ -19,11 +19,35 @@ cli::EvalOptions parsed(const cli::Arguments& arguments) {
   return eval;
 }
 
+/// Without the header.
+std::vector<std::vector<std::string>> rows_of(const fs::path& csv) {
+  std::vector<std::vector<std::string>> rows;
+  std::istringstream lines(read_file(csv));
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line)) {
+    std::istringstream cells(line);
+    rows.emplace_back();
+    for (std::string cell; std::getline(cells, cell, ',');) rows.back().push_back(cell);
+  }
+  return rows;
+}
+
+std::vector<double> column_of_best_matches(const fs::path& csv, size_t column) {
+  std::vector<double> values;
+  for (const auto& row : rows_of(csv))
+    if (row.at(2) == "1") values.push_back(std::stod(row.at(column)));
+  return values;
+}
+
 class EvalCommand : public testing::Test {
  protected:
   EvalCommand() { write_small_drive(root()); }
   fs::path root() const { return dir_ / "drive"; }
   fs::path results() const { return dir_ / "results"; }
+  fs::path scan(int i) const {
+    return root() / str("sequences/00/velodyne/0000", i < 10 ? "0" : "", i, ".bin");
+  }
   std::string eval(const std::string& more = "") const {
     return "eval " + root().string() +
            " --feature data --geometry width=400 --protocol online --exclusion frames=8 --radius 2 "
@@ -52,7 +76,8 @@ class EvalCommand : public testing::Test {
   const TempDir dir_;
 };
 
-TEST_F(EvalCommand, WritesEveryFileOfARun) {
+TEST_F(EvalCommand, WritesEveryFileOfARunAndReadsNoCalibrationThatItDoesNotNeed) {
+  write_file(root() / "sequences/00/calib.txt", "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n");
   const auto result = run_ok(eval());
   EXPECT_HAS(result.out, "online");
   for (const char* file :
@@ -71,16 +96,9 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
 TEST_F(EvalCommand, AcceptedQueriesReachTheThreshold) {
   // The lowest score of an accepted query is the threshold itself, to the last digit.
   run_ok(eval("--no-report"));
-  std::istringstream loops(read_file(run_folder() / "loops_online.csv"));
   double lowest = std::numeric_limits<double>::infinity();
-  std::string line;
-  std::getline(loops, line);  // header
-  while (std::getline(loops, line)) {
-    std::vector<std::string> cells;
-    std::istringstream row(line);
-    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
-    if (cells.size() > 9 && cells[9] == "1") lowest = std::min(lowest, std::stod(cells[6]));
-  }
+  for (const auto& row : rows_of(run_folder() / "loops_online.csv"))
+    if (row.size() > 9 && row[9] == "1") lowest = std::min(lowest, std::stod(row[6]));
   EXPECT_EQ(lowest, run_in(run_folder()).tasks(0).metrics().f1_max_threshold());
 }
 
@@ -100,6 +118,8 @@ TEST_F(EvalCommand, RunJsonHasScansAndQueries) {
     found += (flags & 3) == 3;
   }
   EXPECT_EQ(positives, online.metrics().n_positives());
+  EXPECT_EQ(positives, 12) << "the second pass";
+  EXPECT_EQ(online.metrics().recall_at_1(), 1);
   EXPECT_GT(found, 0);
   EXPECT_GT(online.curve().recall_size(), 1);
   // Pairs have a histogram instead.
@@ -125,11 +145,6 @@ TEST_F(EvalCommand, TasksThatShareDescriptorsAreAsAlone) {
   EXPECT_NE(read_file(run_folder() / "loops_paper-easy.csv"), alone["paper-easy"]);
 }
 
-TEST_F(EvalCommand, ACalibrationThatIsNotNeededIsNotRead) {
-  write_file(root() / "sequences/00/calib.txt", "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n");
-  run_ok(eval("--no-report"));
-}
-
 TEST_F(EvalCommand, SaysWhereTheTimeWent) {
   const auto result = run_ok(eval("--no-report --threads 3"));
   EXPECT_HAS(result.out, "described 24 scans in ");
@@ -147,19 +162,16 @@ TEST_F(EvalCommand, SaysWhereTheTimeWent) {
   EXPECT_EQ(again.out.find("described"), std::string::npos) << "the scans were described before";
 }
 
-TEST_F(EvalCommand, FindsTheSecondPassOfASmallDrive) {
-  const auto result = run_ok(eval("--no-report --format json"));
-  EXPECT_HAS(result.out, "\"n_positives\": 12");
-  EXPECT_HAS(result.out, "\"recall_at_1\": 1");
-}
-
-TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
+TEST_F(EvalCommand, ItsOwnCommandAndItsOwnConfigRepeatARun) {
   run_ok(eval("--no-report --every 2 --pca 7 --score similarity"));
   const std::string first = tasks_in(run_folder());
   const std::string command = run_in(run_folder()).info().command().substr(sizeof "revisit");
   EXPECT_HAS(command, "--every 2");
-  const auto again = run_ok(command + " --no-report -o " + (dir_ / "again").string());
-  EXPECT_EQ(tasks_in(dir_ / "again/drive_00/latest"), first);
+  for (const std::string& same :
+       {command, "eval " + root().string() + " -c " + (run_folder() / "run.json").string()}) {
+    run_ok(same + " --no-report -o " + (dir_ / "again").string());
+    EXPECT_EQ(tasks_in(dir_ / "again/drive_00/latest"), first) << same;
+  }
 }
 
 TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
@@ -205,9 +217,7 @@ TEST_F(EvalCommand, RingsAreTheDefaultAndANetworkIsChosenByItsOptions) {
   for (const std::string& option :
        {std::string("--model bvlc_alexnet"), std::string("--end pool5"), std::string("--mean 1"),
         "-c " + (dir_ / "net.yaml").string()}) {
-    const auto network = run_revisit(how + option, no_models);
-    EXPECT_EQ(network.exit_code, 2) << option;
-    EXPECT_HAS(network.err, "models") << option;
+    expect_exit(2, {"models"}, how + option, no_models);
   }
   EXPECT_EQ(run_revisit(how + "--feature ring --end pool5", no_models).exit_code, 2);
 }
@@ -219,19 +229,6 @@ TEST_F(EvalCommand, DescriptorsTakeTheConfigurationOfARun) {
   EXPECT_EQ(proto::read_npy(dir_ / "out/descriptors.npy").shape, (std::vector<int64_t>{24, 5}));
   write_file(dir_ / "odd.yaml", "protokol: online\n");
   EXPECT_EQ(run_revisit(describe("-c " + (dir_ / "odd.yaml").string(), "out")).exit_code, 2);
-}
-
-TEST_F(EvalCommand, ATaskIsEvaluatedOnce) {
-  for (const char* twice : {"online,online", "online,ssc,online"}) {
-    expect_exit(2, {"twice"}, eval(std::string("--no-report --protocol ") + twice));
-  }
-}
-
-TEST_F(EvalCommand, MemoryIsCheckedAtTheStart) {
-  for (const char* memory : {"0", "-1", "1e-9", "nan"}) {
-    expect_exit(2, {"--memory"}, eval(std::string("--no-report --pca 5 --memory ") + memory));
-  }
-  EXPECT_FALSE(fs::exists(results()));
 }
 
 TEST_F(EvalCommand, DescriptorsInTheCacheServeFewerComponents) {
@@ -258,25 +255,15 @@ TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
 
 TEST_F(EvalCommand, AFileNamedLatestStays) {
   write_file(results() / "drive_00/latest", "mine");
-  const auto result = run_revisit(eval("--no-report"));
-  EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_HAS(result.err, "latest is not a link");
+  expect_exit(0, {"latest is not a link"}, eval("--no-report"));
   EXPECT_EQ(read_file(results() / "drive_00/latest"), "mine");
 }
 
 TEST_F(EvalCommand, EveryNthFrame) {
   run_ok(eval("--no-report --every 3"));
-  std::istringstream scans(read_file(run_folder() / "scans.csv"));
-  std::string line;
-  std::getline(scans, line);
-  for (int frame = 0; frame < 24; frame += 3) {
-    ASSERT_TRUE(std::getline(scans, line));
-    EXPECT_EQ(line.substr(0, line.find(',')), std::to_string(frame));
-  }
-  EXPECT_FALSE(std::getline(scans, line)) << line;
-  EXPECT_EQ(run_revisit(eval("--every 0")).exit_code, 2);
-  for (const char* none : {"--radius inf", "--geometry max-range=nan", "--memory inf"})
-    EXPECT_EQ(run_revisit(eval(none)).exit_code, 2) << none;
+  std::vector<std::string> frames;
+  for (const auto& row : rows_of(run_folder() / "scans.csv")) frames.push_back(row.at(0));
+  EXPECT_EQ(frames, (std::vector<std::string>{"0", "3", "6", "9", "12", "15", "18", "21"}));
 }
 
 TEST_F(EvalCommand, DescriptorsAreFinite) {
@@ -287,29 +274,12 @@ TEST_F(EvalCommand, DescriptorsAreFinite) {
   const auto with_mean = [&](float value) {
     std::fill(mean.data.begin() + 3, mean.data.end(), value);
     proto::write_npy(results() / "pca/mean.npy", mean.shape, mean.data.data());
-    return run_revisit(from_model);
   };
-  const auto not_finite = with_mean(std::nanf(""));
-  EXPECT_EQ(not_finite.exit_code, 3) << not_finite.err;
-  EXPECT_HAS(not_finite.err, "mean.npy: value 3 ");
-  const auto overflows = with_mean(3e38F);
-  EXPECT_EQ(overflows.exit_code, 1) << overflows.err;
-  EXPECT_HAS(overflows.err, "the descriptor of scan 0 ");
+  with_mean(std::nanf(""));
+  expect_exit(3, {"mean.npy: value 3 "}, from_model);
+  with_mean(3e38F);
+  expect_exit(1, {"the descriptor of scan 0 "}, from_model);
   EXPECT_FALSE(fs::exists(dir_ / "other/descriptors.npy"));
-}
-
-std::vector<double> column_of_best_matches(const std::string& csv, int column) {
-  std::vector<double> values;
-  std::istringstream lines(csv);
-  std::string line;
-  std::getline(lines, line);
-  while (std::getline(lines, line)) {
-    std::istringstream cells(line);
-    std::vector<std::string> row;
-    for (std::string cell; std::getline(cells, cell, ',');) row.push_back(cell);
-    if (row.at(2) == "1") values.push_back(std::stod(row.at(static_cast<size_t>(column))));
-  }
-  return values;
 }
 
 TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
@@ -317,7 +287,7 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
   std::map<std::string, std::vector<double>> scores, cases;
   for (const char* which : {"1", "2", "both"}) {
     run_ok(eval(easy + which));
-    const std::string loops = read_file(run_folder() / "loops_paper-easy.csv");
+    const fs::path loops = run_folder() / "loops_paper-easy.csv";
     scores[which] = column_of_best_matches(loops, 6);
     cases[which] = column_of_best_matches(loops, 12);
     const std::string said =
@@ -331,23 +301,6 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
     EXPECT_NEAR(scores["both"][i], std::max(scores["1"][i], scores["2"][i]), 2e-6);
     EXPECT_EQ(cases["both"][i], scores["2"][i] > scores["1"][i] ? 2 : 1);
   }
-  EXPECT_EQ(run_revisit(eval("--query-case 2")).exit_code, 2) << "online stores what it asks";
-  EXPECT_EQ(run_revisit(eval("--query-case 3")).exit_code, 2);
-  EXPECT_EQ(run_revisit(eval(easy + "both --align none")).exit_code, 2);
-}
-
-TEST_F(EvalCommand, ItsOwnConfigRepeatsARun) {
-  run_ok(eval("--no-report"));
-  const std::string first = tasks_in(run_folder());
-  const auto again =
-      run_ok("eval " + root().string() + " --no-report -c " + (run_folder() / "run.json").string() +
-             " -o " + (dir_ / "again").string());
-  EXPECT_EQ(tasks_in(dir_ / "again/drive_00/latest"), first);
-}
-
-TEST_F(EvalCommand, UnknownConfigKeysAreNamed) {
-  write_file(dir_ / "c.yaml", "radios: 3\n");
-  expect_exit(2, {"did you mean 'radius'"}, eval("-c " + (dir_ / "c.yaml").string()));
 }
 
 TEST_F(EvalCommand, CommandLineBeatsEnvironmentBeatsConfig) {
@@ -385,23 +338,14 @@ TEST_F(EvalCommand, CtrlCKeepsFeatures) {
 }
 
 TEST_F(EvalCommand, BadInputHasItsExitCode) {
-  const fs::path scan = root() / "sequences/00/velodyne/000003.bin";
-  const std::string good = read_file(scan);
   const auto expect = [&](int code, const std::string& part, const std::string& more = "") {
     expect_exit(code, {part}, eval("--no-report " + more));
   };
 
-  write_file(scan, good.substr(0, good.size() - 7));
-  expect(6, "16 bytes");
-  write_file(scan, "");
-  expect(6, "000003.bin");
+  const std::string good = read_file(scan(3));
+  write_file(scan(3), "");
   expect(6, "000003.bin", "--protocol driving-order --pca 3 --warmup 6");
-  const float nan = std::numeric_limits<float>::quiet_NaN();
-  std::string all_nan;
-  for (int i = 0; i < 400; ++i) all_nan.append(reinterpret_cast<const char*>(&nan), sizeof nan);
-  write_file(scan, all_nan);
-  expect(6, "000003.bin");
-  write_file(scan, good);
+  write_file(scan(3), good);
 
   const std::string poses = read_file(root() / "poses/00.txt");
   write_file(root() / "poses/00.txt", poses.substr(0, poses.size() / 2));
@@ -410,17 +354,39 @@ TEST_F(EvalCommand, BadInputHasItsExitCode) {
   expect(3, "poses");
   write_file(root() / "poses/00.txt", poses);
 
-  expect(2, "did you mean", "--sensor hdl65");
-  expect(2, "no protocol", "--protocol ''");
-  expect(2, "--radius", "--radius -1");
-  expect(2, "unexpected argument", "surplus");
   expect(3, "07", "--sequence 07");
 }
 
+TEST_F(EvalCommand, MisuseIsExplained) {
+  for (const char* memory : {"0", "-1", "1e-9", "nan"})
+    expect_exit(2, {"--memory"}, eval(std::string("--pca 5 --memory ") + memory));
+  EXPECT_FALSE(fs::exists(results()));
+  write_file(dir_ / "c.yaml", "radios: 3\n");
+  for (const auto& [options, part] :
+       {std::pair<std::string, const char*>{"-c " + (dir_ / "c.yaml").string(),
+                                            "did you mean 'radius'"},
+        {"--sensor hdl65", "did you mean"},
+        {"--protocol lcdnet", "did you mean 'lcdnet"},
+        {"--protocol ''", "no protocol"},
+        {"--protocol online,online", "twice"},
+        {"--protocol online,ssc,online", "twice"},
+        {"--radius -1", "--radius"},
+        {"--radius inf", ""},
+        {"--geometry max-range=nan", ""},
+        {"--every 0", ""},
+        {"--pca -1", ""},
+        {"--pca x", ""},
+        {"--pca none --fit-on map", ""},
+        {"--query-case 2", ""},  // online stores what it asks
+        {"--query-case 3", ""},
+        {"--protocol paper-easy --query-case both --align none", ""},
+        {"--bootstrap -1", ""},
+        {"--memory inf", ""},
+        {"surplus", "unexpected argument"}})
+    expect_exit(2, {part}, eval(options));
+}
+
 TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
-  const auto scan = [&](int i) {
-    return root() / str("sequences/00/velodyne/0000", i < 10 ? "0" : "", i, ".bin");
-  };
   const std::string good = read_file(scan(3));
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::string nans, equal;
@@ -445,23 +411,21 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
     EXPECT_EQ(run.tasks(0).metrics().n_skipped(), 5);
     EXPECT_EQ(run.info().n_skipped(), 5);
     EXPECT_HAS(run.info().skipped(3), "000014.bin");
-    std::istringstream scans(read_file(run_folder() / "scans.csv"));
     std::string line;
+    std::istringstream scans(read_file(run_folder() / "scans.csv"));
     while (std::getline(scans, line))
       if (line.starts_with("3,") || line.starts_with("20,")) {
         EXPECT_TRUE(line.ends_with(",")) << "stored: " << line;
       }
     if (std::string(protocol) == "ssc") continue;
-    std::istringstream loops(read_file(run_folder() / str("loops_", protocol, ".csv")));
-    while (std::getline(loops, line))
+    for (const auto& row : rows_of(run_folder() / str("loops_", protocol, ".csv")))
       for (const char* frame : {"3", "5", "7", "14", "20"}) {
-        EXPECT_FALSE(line.starts_with(str(frame, ","))) << "asked: " << line;
-        const std::string match = line.substr(line.find(',') + 1);
-        EXPECT_FALSE(match.starts_with(str(frame, ","))) << "found: " << line;
+        EXPECT_NE(row.at(0), frame) << "asked";
+        EXPECT_NE(row.at(1), frame) << "found";
       }
   }
-  const auto first = run_revisit(eval("--no-report --pca 4 --geometry width=200"));
-  EXPECT_HAS(first.err, "000003.bin: ") << "no reason";
+  expect_exit(6, {"000003.bin: ", "16 bytes", "000005.bin: ", "000007.bin: "},
+              eval("--no-report --pca 4 --geometry width=200"));
   const auto kept = run_revisit(eval("--no-report --pca 5"));
   EXPECT_EQ(kept.exit_code, 6) << "the cache holds scans that were left out";
   EXPECT_HAS(kept.out, "000003.bin");
@@ -471,10 +435,8 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
   EXPECT_EQ(none.exit_code, 6) << none.err;
   EXPECT_HAS(none.out, "3 of 24 scans could not be described");
 
-  const auto described = run_revisit(describe("--geometry width=100 --pca 5", "described"));
-  EXPECT_EQ(described.exit_code, 6) << described.err;
-  const std::string frames = read_file(dir_ / "described/scans.csv");
-  EXPECT_HAS(frames, ",described,stored\n");
+  expect_exit(6, {}, describe("--geometry width=100 --pca 5", "described"));
+  EXPECT_HAS(read_file(dir_ / "described/scans.csv"), ",described,stored\n");
 
   for (int i = 0; i < 24; ++i) write_file(scan(i), "short");
   EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 3) << "nothing is left";
@@ -537,17 +499,16 @@ TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
 
 TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
   run_ok(eval("--no-report --pca none"));
-  const std::string raw = read_file(run_folder() / "loops_online.csv");
+  const fs::path loops = run_folder() / "loops_online.csv";
+  const std::string raw = read_file(loops);
   EXPECT_EQ(run_in(run_folder()).configuration().at("pca"), "none");
   // Pixels are not negative, nor are cosines of images; minus the mean, some are.
-  for (const double cosine : column_of_best_matches(raw, 5)) EXPECT_GE(cosine, 0);
+  for (const double cosine : column_of_best_matches(loops, 5)) EXPECT_GE(cosine, 0);
   run_ok(eval("--no-report --pca all"));
   const std::string all = read_file(run_folder() / "loops_online.csv");
   EXPECT_NE(all, raw);
   run_ok(eval("--no-report --pca 0"));
   EXPECT_EQ(read_file(run_folder() / "loops_online.csv"), all);
-  for (const char* bad : {"--pca -1", "--pca x", "--pca none --fit-on map"})
-    EXPECT_EQ(run_revisit(eval(bad)).exit_code, 2) << bad;
 }
 
 TEST_F(EvalCommand, ProtocolListNeedsNoData) {
@@ -556,7 +517,6 @@ TEST_F(EvalCommand, ProtocolListNeedsNoData) {
     for (const std::string& name : protocol_names())
       EXPECT_HAS("\n" + result.out, "\n" + name + "\n") << name;
   }
-  expect_exit(2, {"did you mean 'lcdnet"}, eval("--protocol lcdnet"));
 }
 
 TEST_F(EvalCommand, ADriveThatIsOnlyCalledLikeKittisIsNotTakenForIt) {
@@ -566,8 +526,7 @@ TEST_F(EvalCommand, ADriveThatIsOnlyCalledLikeKittisIsNotTakenForIt) {
          " --feature scan-context --exclusion frames=8 --no-report -o " + results().string());
   EXPECT_TRUE(fs::exists(run_folder() / "pr_driving-order.csv"));
 
-  const auto every_third = run_revisit(eval("--no-report --protocol paper-easy --every 3"));
-  EXPECT_EQ(every_third.exit_code, 0) << every_third.err << "of these, too, a third is stored";
+  run_ok(eval("--no-report --protocol paper-easy --every 3"));  // of these, too, a third is stored
 }
 
 TEST_F(EvalCommand, PlacesNeedNamesAndNoPoses) {
@@ -581,10 +540,7 @@ TEST_F(EvalCommand, AFolderPerPlaceIsTheTruth) {
   for (int place = 0; place < 3; ++place) {
     const fs::path folder = set / ("place_" + std::to_string(place));
     fs::create_directories(folder);
-    for (int scan = 0; scan < 4; ++scan)
-      fs::copy_file(
-          root() / "sequences/00/velodyne" / ("00000" + std::to_string(3 * place) + ".bin"),
-          folder / (std::to_string(scan) + ".bin"));
+    for (int copy = 0; copy < 4; ++copy) fs::copy_file(scan(3 * place), folder / str(copy, ".bin"));
   }
   const auto result =
       run_ok("eval " + (dir_ / "sets").string() +
@@ -594,8 +550,7 @@ TEST_F(EvalCommand, AFolderPerPlaceIsTheTruth) {
   for (const char* part : {"\"recall_at_1\": 1,", "\"n_queries\": 8,", "\"n_positives\": 8,",
                            "\"pose_source\": \"names of the places\"", "\"distance\": \"place\""})
     EXPECT_HAS(result.out, part);
-  const fs::path page = dir_ / "report.html";
-  run_ok("report " + results().string() + " -o " + page.string());
+  run_ok("report " + results().string() + " -o " + (dir_ / "report.html").string());
 }
 
 TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
@@ -632,7 +587,6 @@ TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
   EXPECT_HAS(metrics, "\"average_precision_ci\": []");
   run_ok(eval("--no-report"));
   EXPECT_HAS(run_json(), "\"average_precision_ci\": []") << "all is one block of 100 m";
-  EXPECT_EQ(run_revisit(eval("--bootstrap -1")).exit_code, 2);
 }
 
 TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
