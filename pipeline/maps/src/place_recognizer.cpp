@@ -136,10 +136,12 @@ PlaceRecognizer::~PlaceRecognizer() = default;
 MapFingerprint PlaceRecognizer::fingerprint_of(const FeatureExtractor& extractor,
                                                const RecognizerOptions& options) {
   const ImageGeometry& g = options.geometry;
+  std::string key = extractor.key;
+  std::ranges::replace(key, '\n', ' ');  // a line each in a map
   MapFingerprint fingerprint{
       {"recognizer version", str(kRecognizerVersion)},
       {"feature", extractor.name},
-      {kFeatureKey, extractor.key},
+      {kFeatureKey, key},
       {kFeatureDimensions, str(extractor.dim)},
       {"alignment", name_of(options.align)},
       {"image", extractor.sees<RangeImage>()
