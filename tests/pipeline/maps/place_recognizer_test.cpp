@@ -27,7 +27,7 @@ Description described(const PlaceRecognizer& recognizer, int i) {
   return recognizer.describe(view_of(scan_of(i)));
 }
 
-auto match_of(const PlaceRecognizer& recognizer, int i) {
+auto best_match(const PlaceRecognizer& recognizer, int i) {
   return recognizer.query(described(recognizer, i));
 }
 
@@ -387,8 +387,8 @@ TEST(PlaceRecognizer, RefreshLoadsEntriesOfOthers) {
   reader.refresh();
   EXPECT_EQ(reader.size(), 50);
   EXPECT_EQ(reader.threshold(), 0.25);
-  const auto there = match_of(writer, 107);
-  const auto here = match_of(reader, 107);
+  const auto there = best_match(writer, 107);
+  const auto here = best_match(reader, 107);
   EXPECT_EQ(here->index, 7);
   EXPECT_EQ(here->similarity, there->similarity);
   EXPECT_TRUE(here->accepted);
@@ -477,7 +477,7 @@ TEST(PlaceRecognizer, AddsEntriesIfTheWarmUpCannotEnd) {
   drive(recognizer, 3, 4);
   EXPECT_TRUE(breaking.map->value(kProjectionValue));
   EXPECT_EQ(warnings.size(), 1U);
-  EXPECT_EQ(match_of(recognizer, 102)->index, 2);
+  EXPECT_EQ(best_match(recognizer, 102)->index, 2);
 }
 
 TEST(PlaceRecognizer, RejectsInvalidDescriptions) {
@@ -519,7 +519,7 @@ TEST(PlaceRecognizer, SkipsEntriesOfOtherDimensions) {
   ASSERT_EQ(problems.size(), 1);
   EXPECT_HAS(problems[0], "its descriptor has 3 dimensions, expected 6");
   EXPECT_EQ(recognizer->size(), 30);
-  EXPECT_EQ(match_of(*recognizer, 107)->id, 9);
+  EXPECT_EQ(best_match(*recognizer, 107)->id, 9);
 }
 
 TEST(PlaceRecognizer, SkipsEntriesWithTooLargeValues) {
@@ -543,8 +543,23 @@ TEST(PlaceRecognizer, SkipsEntriesWithTooLargeValues) {
 }
 
 /// The map can still be opened, in order to calibrate it again.
+void expect_ignored_calibration(const fs::path& file, const std::string& problem) {
+  std::vector<std::string> warnings;
+  PlaceRecognizer recognizer(coordinates(), {}, map_in(file), into(warnings));
+  recognizer.refresh();
+  EXPECT_FALSE(recognizer.threshold());
+  ASSERT_EQ(warnings.size(), 1);
+  EXPECT_HAS(warnings[0], problem);
+  EXPECT_HAS(warnings[0], "calibrate the map again");
+  const std::vector<std::string> found = check_map(file);
+  ASSERT_EQ(found.size(), 1);
+  EXPECT_HAS(found[0], problem);
+  recognizer.calibrate(0.5);
+  EXPECT_EQ(recognizer.threshold(), 0.5);
+}
+
 TEST(PlaceRecognizer, IgnoresInvalidCalibrationsOfAMap) {
-  for (const auto& [name, text, named] :
+  for (const auto& [name, text, problem] :
        {std::tuple(kThresholdValue, "high", "threshold: expected a number"),
         {kThresholdValue, "0.5 ", "threshold: expected a number"},
         {kThresholdValue, "nan", "threshold: expected a number"},
@@ -553,20 +568,8 @@ TEST(PlaceRecognizer, IgnoresInvalidCalibrationsOfAMap) {
         {kVerifiedCalibrationValue, "nonsense", "calibration of registered loops: not a usable"}}) {
     SCOPED_TRACE(text);
     const TempDir folder;
-    auto map = map_in(folder / "a.map");
-    map->set_value(name, text);
-    std::vector<std::string> warnings;
-    PlaceRecognizer recognizer(coordinates(), {}, std::move(map), into(warnings));
-    recognizer.refresh();
-    EXPECT_FALSE(recognizer.threshold());
-    ASSERT_EQ(warnings.size(), 1);
-    EXPECT_HAS(warnings[0], named);
-    EXPECT_HAS(warnings[0], "calibrate the map again");
-    const std::vector<std::string> wrong = check_map(folder / "a.map");
-    ASSERT_EQ(wrong.size(), 1);
-    EXPECT_HAS(wrong[0], named);
-    recognizer.calibrate(0.5);
-    EXPECT_EQ(recognizer.threshold(), 0.5);
+    map_in(folder / "a.map")->set_value(name, text);
+    expect_ignored_calibration(folder / "a.map", problem);
   }
 }
 
@@ -574,17 +577,10 @@ TEST(PlaceRecognizer, IgnoresCorruptCalibrationsOfAMap) {
   for (const std::string_view name : kAcceptanceValues) {
     SCOPED_TRACE(name);
     const TempDir folder;
-    const std::filesystem::path file = folder / "a.map";
+    const fs::path file = folder / "a.map";
     map_in(file)->set_value(std::string(name), "0.75");
     test::execute_sql(file, str("UPDATE value SET bytes = '0.25' WHERE name = '", name, "'"));
-    std::vector<std::string> warnings;
-    PlaceRecognizer recognizer(coordinates(), {}, map_in(file), into(warnings));
-    EXPECT_FALSE(recognizer.threshold());
-    ASSERT_EQ(warnings.size(), 1);
-    EXPECT_HAS(warnings[0], "the checksum of a value is wrong");
-    EXPECT_EQ(check_map(file).size(), 1);
-    recognizer.calibrate(0.5);
-    EXPECT_EQ(recognizer.threshold(), 0.5);
+    expect_ignored_calibration(file, "the checksum of a value is wrong");
   }
 }
 
@@ -637,24 +633,24 @@ TEST(PlaceRecognizer, NeverReturnsRemovedEntries) {
     reader.refresh();
     EXPECT_NE(reader.query(scan)->index, 7);
     // The others keep their indices, and a new entry gets the next one.
-    EXPECT_EQ(match_of(reader, 108)->index, 8);
+    EXPECT_EQ(best_match(reader, 108)->index, 8);
     EXPECT_EQ(writer->size(), 60);
     drive(*writer, 60, 70);
     reader.refresh();
     const PlaceRecognizer* const both[] = {writer.get(), &reader};
-    for (const PlaceRecognizer* one : both) EXPECT_EQ(match_of(*one, 165)->index, 65);
+    for (const PlaceRecognizer* one : both) EXPECT_EQ(best_match(*one, 165)->index, 65);
     writer->add(described(*writer, 7), {.drive = "anew", .frame = 70});
     EXPECT_EQ(writer->query(scan)->drive, "anew");
     writer.reset();
     const PlaceRecognizer again(coordinates(), {.warmup = warmup}, map_in(file));
     EXPECT_EQ(again.size(), 69);
     EXPECT_EQ(again.query(scan)->drive, "anew");
-    EXPECT_EQ(match_of(again, 108)->id, 9);
+    EXPECT_EQ(best_match(again, 108)->id, 9);
   }
   PlaceRecognizer nowhere(coordinates(), {.warmup = 2});
   drive(nowhere, 0, 10);
   EXPECT_EQ(nowhere.remove(std::vector<int64_t>{3}), 1);
-  EXPECT_NE(match_of(nowhere, 103)->index, 3);
+  EXPECT_NE(best_match(nowhere, 103)->index, 3);
 }
 
 TEST(PlaceRecognizer, RejectsInvalidThresholds) {
@@ -704,7 +700,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
     drive(uncalibrated, 0, 5);
     EXPECT_FALSE(uncalibrated.threshold());
     EXPECT_FALSE(uncalibrated.calibration());
-    EXPECT_FALSE(match_of(uncalibrated, 9)->probability);
+    EXPECT_FALSE(best_match(uncalibrated, 9)->probability);
     expect_error<UsageError>([&] { uncalibrated.calibrate(some_calibration()); }, {"k = 4"});
   }
   for (const double precision : {0.0, 1.0, -1.0, std::nan("")})
@@ -882,7 +878,7 @@ TEST(PlaceRecognizer, ComparesHnswCandidatesExactly) {
   const PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
   int same = 0;
   for (int i = 300; i < 400; ++i) {
-    const auto a = match_of(all, i), b = match_of(graph, i);
+    const auto a = best_match(all, i), b = best_match(graph, i);
     same += a->index == b->index && a->score == b->score ? 1 : 0;
   }
   EXPECT_GE(same, 98);

@@ -36,6 +36,21 @@ class PostgresMap : public ::testing::Test {
   std::unique_ptr<MapStore> reader(const std::string& map = "town") {
     return open_map(server_->url(map), MapAccess::kRead);
   }
+  /// A thread per drive, that adds its frames 1 to `frames` one by one and counts them.
+  std::vector<std::thread> robots(std::initializer_list<const char*> drives, int64_t frames,
+                                  std::atomic<int64_t>& added) {
+    std::vector<std::thread> threads;
+    for (const char* drive : drives)
+      threads.emplace_back([this, drive, frames, &added] {
+        const auto map = writer();
+        for (int64_t frame = 1; frame <= frames; ++frame) {
+          const MapEntry entry = made_entry(drive, frame);
+          EXPECT_EQ(map->add({&entry, 1}).size(), 1);
+          ++added;
+        }
+      });
+    return threads;
+  }
   void restart() {
     server_->kill();
     server_->start();
@@ -109,15 +124,8 @@ TEST_F(PostgresMap, NotifiesReadersOfConcurrentWriters) {
   const auto watcher = reader();
   read_all(*watcher);
   EXPECT_FALSE(watcher->has_updates());
-  std::vector<std::thread> robots;
-  for (const char* drive : {"a", "b", "c"})
-    robots.emplace_back([this, drive] {
-      const auto map = writer();
-      for (int64_t frame = 1; frame <= 40; ++frame) {
-        const MapEntry entry = made_entry(drive, frame);
-        map->add({&entry, 1});
-      }
-    });
+  std::atomic<int64_t> added = 0;
+  std::vector<std::thread> adding = robots({"a", "b", "c"}, 40, added);
   // A reader that refreshes on notifications misses no entry.
   int64_t last = 0;
   while (last < 120) {
@@ -125,7 +133,7 @@ TEST_F(PostgresMap, NotifiesReadersOfConcurrentWriters) {
     const ReadMap read = read_all(*watcher, last);
     for (const MapEntry& entry : read.entries) ASSERT_EQ(entry.id, ++last);
   }
-  for (std::thread& robot : robots) robot.join();
+  for (std::thread& robot : adding) robot.join();
   EXPECT_EQ(frames_of(*watcher).size(), 3);
 
   const auto map = writer();
@@ -158,15 +166,12 @@ TEST_F(PostgresMap, RejectsOtherTables) {
     writer()->add({&entry, 1});
     server_->execute(std::string("SET search_path = town; ") + sql);
     int errors = 0;
-    for (const std::function<void()>& use :
-         std::vector<std::function<void()>>{[&] {
-                                              if (!read_all(*reader()).problems.empty())
-                                                throw Error("corrupt");
-                                            },
-                                            [&] {
-                                              writer()->add({&entry, 1});
-                                            },
-                                            [&] { writer()->remove(std::vector<int64_t>{1}); }}) {
+    const auto read = [&] {
+      if (!read_all(*reader()).problems.empty()) throw Error("corrupt");
+    };
+    const auto add = [&] { writer()->add({&entry, 1}); };
+    const auto remove = [&] { writer()->remove(std::vector<int64_t>{1}); };
+    for (const auto& use : std::vector<std::function<void()>>{read, add, remove}) {
       try {
         use();
       } catch (const Error& error) {
@@ -182,16 +187,7 @@ TEST_F(PostgresMap, KeepsEachEntryOnceAfterAKilledServer) {
   writer();
   constexpr int64_t kFrames = 120;
   std::atomic<int64_t> added = 0;
-  std::vector<std::thread> robots;
-  for (const char* drive : {"a", "b"})
-    robots.emplace_back([this, drive, &added] {
-      const auto map = writer();
-      for (int64_t frame = 1; frame <= kFrames; ++frame) {
-        const MapEntry entry = made_entry(drive, frame);
-        EXPECT_EQ(map->add({&entry, 1}).size(), 1);
-        ++added;
-      }
-    });
+  std::vector<std::thread> adding = robots({"a", "b"}, kFrames, added);
   const auto watcher = reader();
   for (int kill = 1; kill <= 2; ++kill) {
     while (added < kill * 70) std::this_thread::sleep_for(milliseconds(1));
@@ -204,7 +200,7 @@ TEST_F(PostgresMap, KeepsEachEntryOnceAfterAKilledServer) {
     EXPECT_GE(watcher->size(), kill * 70);
     EXPECT_TRUE(watcher->has_updates());
   }
-  for (std::thread& robot : robots) robot.join();
+  for (std::thread& robot : adding) robot.join();
   auto frames = frames_of(*watcher);
   EXPECT_EQ(frames["a"].size(), kFrames);
   EXPECT_EQ(frames["b"].size(), kFrames);
@@ -311,9 +307,7 @@ TEST_F(PostgresMap, EnqueuesScansOfRemovedEntriesAgain) {
 }
 
 TEST_F(PostgresMap, KeepsRemovalsAfterAKilledServer) {
-  std::vector<MapEntry> entries;
-  for (int64_t frame = 1; frame <= 300; ++frame) entries.push_back(made_entry("x", frame));
-  writer()->add(entries);
+  writer()->add(made_entries(1, 300));
   std::atomic<int64_t> removed = 0;
   std::thread robot([&] {
     const auto map = writer();

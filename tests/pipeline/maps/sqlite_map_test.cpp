@@ -48,6 +48,11 @@ bool writing_fails(const fs::path& file, const char* part) {
   return false;
 }
 
+void expect_rejected_map(const fs::path& file, std::initializer_list<std::string> parts) {
+  for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
+    expect_error<InputError>([&] { open_map(file, access); }, parts);
+}
+
 TEST(SqliteMap, LeavesOneFile) {
   const TempDir dir;
   writer_of(dir / "map")->add(made_entries(1, 20));
@@ -122,22 +127,18 @@ TEST(SqliteMap, IsWrittenWithoutStandardInput) {
 
 TEST(SqliteMap, RejectsOtherFiles) {
   const TempDir dir;
-  const auto rejected = [&](const fs::path& file, std::initializer_list<std::string> parts) {
-    for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
-      expect_error<InputError>([&] { open_map(file, access); }, parts);
-  };
-  rejected(dir / "missing", {"missing: there is no such map"});
+  expect_rejected_map(dir / "missing", {"missing: there is no such map"});
   EXPECT_FALSE(fs::exists(dir / "missing"));
   EXPECT_FALSE(fs::exists(dir / "missing-writer"));
-  rejected(dir.path(), {"not a regular file"});
+  expect_rejected_map(dir.path(), {"not a regular file"});
   write_file(dir / "empty", "");
-  rejected(dir / "empty", {"empty: not a map: the file is empty"});
+  expect_rejected_map(dir / "empty", {"empty: not a map: the file is empty"});
   write_file(dir / "text", std::string(10'000, 'x'));
-  rejected(dir / "text", {"text: not a map"});
+  expect_rejected_map(dir / "text", {"text: not a map"});
   expect_error<InputError>([&] { writer_of(dir / "text"); }, {"text: not a map"});
   EXPECT_EQ(read_file(dir / "text"), std::string(10'000, 'x'));
   execute_sql(dir / "other", "CREATE TABLE entry (id INTEGER PRIMARY KEY)");
-  rejected(dir / "other", {"other: a SQLite database, but not a map"});
+  expect_rejected_map(dir / "other", {"other: a SQLite database, but not a map"});
   EXPECT_EQ(check_map(dir / "other").size(), 1);
 }
 
@@ -171,8 +172,7 @@ TEST(SqliteMap, RejectsOtherFilesBesideIt) {
   const TempDir dir;
   writer_of(dir / "map")->add(made_entries(1, 3));
   const auto rejected = [&](const std::string& name) {
-    for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
-      expect_error<InputError>([&] { open_map(dir / "map", access); }, {name, "move it away"});
+    expect_rejected_map(dir / "map", {name, "move it away"});
     expect_error<InputError>([&] { check_map(dir / "map"); }, {name, "move it away"});
     fs::remove(dir / name);
   };
@@ -359,13 +359,9 @@ TEST(SqliteMap, IsReadInAFolderThatCannotBeWritten) {
   write_file(file.string() + "-wal", "something");
   fs::permissions(dir / "media", fs::perms(0555));
   EXPECT_TRUE(as_nobody([&] {
-    try {
-      open_map(file, MapAccess::kRead);
-    } catch (const Error& error) {
-      return std::string(error.what()).find("map-wal: its entries cannot be read") !=
-             std::string::npos;
-    }
-    return false;
+    expect_error<Error>([&] { open_map(file, MapAccess::kRead); },
+                        {"map-wal: its entries cannot be read"});
+    return !::testing::Test::HasFailure();
   }));
   fs::permissions(dir / "media", fs::perms(0755));
 }
