@@ -21,14 +21,18 @@ std::string quoted(const fs::path& path) {
   return "'" + path.string() + "'";
 }
 
-TEST(DoctorScan, PrintsTheScanAndWritesBothImages) {
+/// A folder with a scan.
+struct DoctorScan : testing::Test {
+  DoctorScan() { write_file(dir / "a.bin", small_scan()); }
   const TempDir dir;
-  write_file(dir / "000007.bin", small_scan());
+  const std::string command = "doctor " + quoted(dir / "a.bin");
+};
+
+TEST_F(DoctorScan, PrintsTheScanAndWritesBothImages) {
   const fs::path out = dir / "new/folder";
-  const std::string command = "doctor " + quoted(dir / "000007.bin");
   const auto result = run_ok(command + " --images " + quoted(out));
   EXPECT_EQ(result.err, "");
-  for (const char* const name : {"000007_projected.png", "000007_closed.png"}) {
+  for (const char* const name : {"a_projected.png", "a_closed.png"}) {
     EXPECT_HAS(result.out, (out / name).string());
     EXPECT_EQ(read_file(out / name).substr(1, 3), "PNG") << name;
   }
@@ -43,12 +47,9 @@ TEST(DoctorScan, PrintsTheScanAndWritesBothImages) {
   EXPECT_EQ(other.out.find("yaw"), std::string::npos) << "not computed, so not printed";
 }
 
-TEST(DoctorScan, GammaBrightensTheImages) {
-  const TempDir dir;
-  write_file(dir / "a.bin", small_scan());
-  const std::string command = "doctor " + quoted(dir / "a.bin") + " --images ";
-  const ProgramResult plain = run_revisit(command + quoted(dir / "plain"));
-  const auto bright = run_ok(command + quoted(dir / "bright") + " --gamma 2");
+TEST_F(DoctorScan, GammaBrightensTheImages) {
+  run_ok(command + " --images " + quoted(dir / "plain"));
+  run_ok(command + " --images " + quoted(dir / "bright") + " --gamma 2");
   const auto before = read_gray_png(dir / "plain/a_projected.png");
   const auto after = read_gray_png(dir / "bright/a_projected.png");
   ASSERT_EQ(before.pixels.size(), after.pixels.size());
@@ -56,8 +57,7 @@ TEST(DoctorScan, GammaBrightensTheImages) {
     ASSERT_NEAR(after.pixels[i], std::sqrt(255.0 * before.pixels[i]), 3) << i;
 }
 
-TEST(DoctorScan, WarnsIfTheDirectionIsNotDetermined) {
-  const TempDir dir;
+TEST_F(DoctorScan, WarnsIfTheDirectionIsNotDetermined) {
   std::string square(16, '\0');
   for (const auto& [x, y] : {std::pair<float, float>{10, 0}, {-10, 0}, {0, 10}, {0, -10}}) {
     const float point[4] = {x, y, 0, 0};
@@ -68,25 +68,19 @@ TEST(DoctorScan, WarnsIfTheDirectionIsNotDetermined) {
   EXPECT_HAS(result.out, "near 1: the principal direction is not determined");
 }
 
-TEST(DoctorScan, BadInputIsExitCode3AndLeavesNothing) {
-  const TempDir dir;
+TEST_F(DoctorScan, BadInputIsExitCode3AndLeavesNothing) {
   const fs::path out = dir / "out";
   write_file(dir / "short.bin", small_scan().substr(0, 1001));
   write_file(dir / "two.bin", small_scan().substr(16, 32));
   write_file(dir / "none.png", "");
   for (const char* const name : {"short.bin", "two.bin", "none.png"}) {
-    const ProgramResult result =
-        run_revisit("doctor " + quoted(dir / name) + " --images " + quoted(out));
-    EXPECT_EQ(result.exit_code, 3) << name << ": " << result.err;
-    EXPECT_HAS(result.err, (dir / name).string());
+    expect_exit(3, {(dir / name).string()},
+                "doctor " + quoted(dir / name) + " --images " + quoted(out));
   }
   EXPECT_FALSE(fs::exists(out));
 }
 
-TEST(DoctorScan, MisuseIsExitCode2) {
-  const TempDir dir;
-  write_file(dir / "a.bin", small_scan());
-  const std::string command = "doctor " + quoted(dir / "a.bin");
+TEST_F(DoctorScan, MisuseIsExitCode2) {
   const std::pair<const char*, const char*> cases[] = {
       {" --sensor hdl46", "did you mean 'hdl64'"},
       {" --align case3", "did you mean"},
@@ -101,16 +95,12 @@ TEST(DoctorScan, MisuseIsExitCode2) {
   EXPECT_EQ(run_revisit("doctor --images " + quoted(dir / "out")).exit_code, 2);
 }
 
-TEST(DoctorScan, UnwritableOutputFails) {
-  const TempDir dir;
-  write_file(dir / "a.bin", small_scan());
-  expect_exit(1, {"cannot create"},
-              "doctor " + quoted(dir / "a.bin") + " --images " + quoted(dir / "a.bin" / "x"));
+TEST_F(DoctorScan, UnwritableOutputFails) {
+  expect_exit(1, {"cannot create"}, command + " --images " + quoted(dir / "a.bin" / "x"));
 }
 
-TEST(DoctorScan, RealScansOfEveryKind) {
+TEST_F(DoctorScan, RealScansOfEveryKind) {
   REVISIT_NEED_SHARED(data, "data");
-  const TempDir dir;
   const std::pair<const char*, const char*> scans[] = {
       {"kitti/sequences/00/velodyne/000052.bin", "hdl64"},
       {"other_lidars/hdl64_binary_compressed.pcd", "hdl64"},

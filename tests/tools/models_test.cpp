@@ -331,32 +331,19 @@ TEST_F(Finding, CachedModelWithAWrongChecksumIsRefused) {
   expect_refused({}, {"9116a64c0fbe4459d18f4bb6b56d647b63920377"});
 }
 
-TEST_F(Finding, ModelsFolderOfOneModel) {
-  REVISIT_NEED_SHARED(squeezenet, "data/caffemodels/squeezenet_v1.0");
-  const Environment folder("REVISIT_MODELS", squeezenet.string());
-  const models::FoundModel found = models::find_model({});
-  EXPECT_EQ(found.name, "squeezenet_v1.0");
-  EXPECT_EQ(found.weights, squeezenet / "weights.caffemodel");
-  EXPECT_EQ(found.prototxt, squeezenet / "deploy.prototxt");
-  EXPECT_TRUE(found.trained);
-  EXPECT_EQ(found.cut, "pool8");
-  EXPECT_EQ(found.mean_bgr, (std::array<double, 3>{104, 117, 123}));
-}
-
-TEST_F(Finding, ModelsFolderOfManyModels) {
+TEST_F(Finding, ModelsFolderOfOneModelOrMany) {
   REVISIT_NEED_SHARED(all, "data/caffemodels");
-  const Environment folder("REVISIT_MODELS", all.string());
-  EXPECT_EQ(models::find_model({}).weights, all / "squeezenet_v1.0" / "weights.caffemodel");
-}
-
-TEST(ModelsCommand, ListsTheKnownModels) {
-  const TempDir cache;
-  const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";
-  const auto table = run_ok("models list", environment);
-  EXPECT_HAS(table.out, "bvlc_alexnet");
-  EXPECT_HAS(table.out, "absent");
-  EXPECT_HAS(table.out, "no network for commands without --model");
-  EXPECT_EQ(run_revisit("models lst", environment).exit_code, 2);
+  const fs::path squeezenet = all / "squeezenet_v1.0";
+  for (const fs::path& folder : {squeezenet, all}) {
+    const Environment variable("REVISIT_MODELS", folder.string());
+    const models::FoundModel found = models::find_model({});
+    EXPECT_EQ(found.name, "squeezenet_v1.0");
+    EXPECT_EQ(found.weights, squeezenet / "weights.caffemodel");
+    EXPECT_EQ(found.prototxt, squeezenet / "deploy.prototxt");
+    EXPECT_TRUE(found.trained);
+    EXPECT_EQ(found.cut, "pool8");
+    EXPECT_EQ(found.mean_bgr, (std::array<double, 3>{104, 117, 123}));
+  }
 }
 
 TEST_F(Finding, ListsModelsInUse) {
@@ -493,9 +480,13 @@ TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
               make(inner + "1 } top: 'a' }" + inner + "1 } top: 'b' }"));
 }
 
-TEST(ModelsCommand, ListsTheFilesOfOneModel) {
+TEST(ModelsCommand, ListsTheKnownModelsAndTheFilesOfOne) {
   const TempDir cache, own;
   const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";
+  const auto known = run_ok("models list", environment);
+  for (const char* part : {"bvlc_alexnet", "absent", "no network for commands without --model"})
+    EXPECT_HAS(known.out, part);
+  EXPECT_EQ(run_revisit("models lst", environment).exit_code, 2);
   EXPECT_EQ(run_revisit("models list bvlc_alexnet", environment).exit_code, 2);
   const auto files = random_model(own.path(), "vgg_cnn_s");
   for (const fs::path& model : {own.path(), files.prototxt, files.weights}) {

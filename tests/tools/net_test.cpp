@@ -360,7 +360,12 @@ TEST_F(NetCommand, RejectsMisuseWithKnownNames) {
   expect_failure(2, "net inspect", "PROTOTXT");
 }
 
-TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlace) {
+TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlaceAndUnsupportedLayers4) {
+  write_file(dir_ / "odd.prototxt",
+             std::string(kNet) +
+                 "layer { name: \"odd\" type: \"Pythn\" bottom: \"a/pool\" top: \"odd\" }");
+  expect_failure(4, "net inspect " + path("odd.prototxt"), "'odd' (Pythn)");
+  run_ok("net inspect " + path("odd.prototxt") + " --end relu1");
   write_file(dir_ / "bad.prototxt", "name: \"x\"\nlayer {\n  name: \"a\" type \"ReLU\"\n}\n");
   write_file(dir_ / "corrupt.caffemodel", read_file(dir_ / "net.caffemodel").substr(0, 30));
   std::string other = kNet;
@@ -435,14 +440,6 @@ TEST_F(NetCommand, TrainingNetsAndSolversRunAsInference) {
   EXPECT_HAS(result.out, "prob");
   for (const char* part : {"is a solver file", "is now the input 'data'", "scale 0.5", "'prob'"})
     EXPECT_HAS(result.err, part);
-}
-
-TEST_F(NetCommand, UnsupportedLayersAreExitCode4) {
-  write_file(dir_ / "odd.prototxt",
-             std::string(kNet) +
-                 "layer { name: \"odd\" type: \"Pythn\" bottom: \"a/pool\" top: \"odd\" }");
-  expect_failure(4, "net inspect " + path("odd.prototxt"), "'odd' (Pythn)");
-  run_ok("net inspect " + path("odd.prototxt") + " --end relu1");
 }
 
 TEST_F(NetCommand, InspectShowsFieldsMemoryAndTheGraph) {

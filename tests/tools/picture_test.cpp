@@ -12,16 +12,6 @@ fs::path picture_file(const std::string& name) {
   return test::fixture("pictures/" + name);
 }
 
-/// "" for no error.
-std::string picture_error(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
-}
-
 TEST(Picture, IsReadAsOpenCvReadsIt) {
   for (const char* name : {"color.jpg", "gray.jpg", "alpha16.png", "palette.png"}) {
     SCOPED_TRACE(name);
@@ -104,7 +94,7 @@ TEST(Picture, NamesTheFaultsOfFiles) {
   const TempDir dir;
   const auto said = [&](const std::string& content) {
     write_file(dir / "p", content);
-    return picture_error([&] { cli::read_picture(dir / "p", 3); });
+    return message_of<Error>([&] { cli::read_picture(dir / "p", 3); });
   };
   const std::string p = (dir / "p").string();
   EXPECT_EQ(said("GIF89a"), p + ": not a picture: expected PNG or JPEG");
@@ -116,12 +106,12 @@ TEST(Picture, NamesTheFaultsOfFiles) {
   std::string large = read_file(picture_file("color.jpg"));
   large.replace(large.find("\xff\xc0") + 5, 4, "pppp");  // its height and width
   EXPECT_EQ(said(large), p + ": 28784 x 28784 pixels; pictures of up to 67108864 pixels are read");
-  EXPECT_HAS(picture_error([&] { cli::read_picture(dir / "none.png", 3); }),
+  EXPECT_HAS(message_of<Error>([&] { cli::read_picture(dir / "none.png", 3); }),
              "none.png: cannot open");
   for (const engine::Shape& shape : {engine::Shape{1, 4, 5, 5}, engine::Shape{1, 75}})
-    EXPECT_HAS(
-        picture_error([&] { picture_input({picture_file("color.jpg")}, "data", shape, false); }),
-        "the input 'data' is " + shape.text());
+    EXPECT_HAS(message_of<Error>(
+                   [&] { picture_input({picture_file("color.jpg")}, "data", shape, false); }),
+               "the input 'data' is " + shape.text());
 }
 
 }  // namespace

@@ -4,16 +4,15 @@
 namespace revisit {
 namespace {
 
-#define ASSERT_HAS(text, part) \
-  ASSERT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"
-
 /// A drive with 16 beams from +15 to -15 degrees: 6 of them are above the image of an HDL-64E.
 class SensorOption : public testing::Test {
  protected:
   SensorOption() { write_small_drive(root(), 24, {15, 2, 16}); }
   fs::path root() const { return dir_ / "drive"; }
-  std::string eval(const std::string& more = "") const {
-    return "eval " + root().string() +
+  fs::path scan() const { return root() / "sequences/00/velodyne/000003.bin"; }
+  std::string eval(const std::string& more = "") const { return eval_of(root(), more); }
+  std::string eval_of(const fs::path& drive, const std::string& more) const {
+    return "eval " + drive.string() +
            " --feature data --geometry width=400 --protocol online --exclusion frames=8 --radius 2 "
            "--no-report -o " +
            (dir_ / "results").string() + " " + more;
@@ -50,11 +49,10 @@ TEST_F(SensorOption, PointsOutsideOfTheImageAreSaidOnceWithTheSensorThatFits) {
 }
 
 TEST_F(SensorOption, DoctorSaysItToo) {
-  const std::string scan = (root() / "sequences/00/velodyne/000003.bin").string();
-  const std::string doctor = "doctor " + scan + " --align none";
+  const std::string doctor = "doctor " + scan().string() + " --align none";
   const auto wrong = run_revisit(doctor + " --sensor hdl64");
   const std::string field = "\n  outside ";
-  ASSERT_HAS(wrong.out, field);
+  ASSERT_NE(wrong.out.find(field), std::string::npos) << wrong.out;
   // 6 beams of 16, and some of the points of the one at +3 degrees, on the edge [%].
   EXPECT_NEAR(std::stod(wrong.out.substr(wrong.out.find(field) + field.size())), 40, 3.5);
   EXPECT_HAS(wrong.out, "--sensor vlp16");
@@ -67,9 +65,7 @@ TEST_F(SensorOption, TheWholeGeometryIsOneSetOfOptions) {
       "closing-width=1.8,closing-height=2.5";
   run_ok(eval(geometry));
   run_ok(describe(geometry));
-  const auto image =
-      run_revisit("doctor " + (root() / "sequences/00/velodyne/000003.bin").string() + geometry);
-  EXPECT_HAS(image.out, "1000 x 80, hdl32");
+  EXPECT_HAS(run_ok("doctor " + scan().string() + geometry).out, "1000 x 80, hdl32");
   const std::string eval_json = read_file(dir_ / "results/drive_00/latest/run.json");
   for (const std::string& json : {eval_json, read_file(dir_ / "described/run.json")})
     for (const char* part :
@@ -99,11 +95,9 @@ TEST_F(SensorOption, AutoFindsTheSensorAndSaysSo) {
   const std::string json = read_file(dir_ / "results/drive_00/latest/run.json");
   EXPECT_HAS(json, "\"sensor\": \"vlp16\"");
   EXPECT_HAS(json, "--sensor vlp16") << "of the command that repeats it";
-  EXPECT_HAS(json, "\"sensor\": \"vlp16\"");
   EXPECT_EQ(count(run_revisit(eval("--quiet")).err, "sensor"), 0U);
   EXPECT_EQ(count(run_revisit(eval("--feature m2dp")).err, "sensor"), 0U) << "sees no image";
-  const auto image =
-      run_revisit("doctor " + (root() / "sequences/00/velodyne/000003.bin").string());
+  const auto image = run_ok("doctor " + scan().string());
   EXPECT_HAS(image.out, "4000 x 112, vlp16");
   EXPECT_HAS(image.out, "16 beams from +15.0 to -15.0 degrees");
 }
@@ -111,15 +105,10 @@ TEST_F(SensorOption, AutoFindsTheSensorAndSaysSo) {
 TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
   const fs::path other = dir_ / "other";
   write_small_drive(other, 24, {30, 4, 10});
-  const std::string options =
-      " --feature data --geometry width=400 --protocol online --exclusion frames=8 --radius 2 "
-      "--no-report "
-      "-o ";
-  const auto result = run_revisit("eval " + other.string() + options + (dir_ / "results").string());
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_HAS(result.err,
-             "10 beams from +30.0 to -6.0 degrees: not a known sensor, so --geometry "
-             "bottom=-8.5,closing-height=");
+  expect_exit(0,
+              {"10 beams from +30.0 to -6.0 degrees: not a known sensor, so --geometry "
+               "bottom=-8.5,closing-height="},
+              eval_of(other, ""));
   const fs::path run = dir_ / "results/other_00/latest";
   const auto again = run_ok("eval " + other.string() + " --config " + (run / "run.json").string() +
                             " --no-report -o " + (dir_ / "again").string());
@@ -136,11 +125,9 @@ TEST(SensorAuto, RealScansOfKittiAreAnHdl64) {
                            " --sequence 00 --protocol leave-one-out --exclusion none --feature "
                            "data --no-report --format json --cache " +
                            (dir / "cache").string() + " -o " + (dir / "results").string();
-  const auto found = run_revisit(eval);
-  ASSERT_EQ(found.exit_code, 0) << found.err;
-  EXPECT_HAS(found.err, ": hdl64");
+  expect_exit(0, {": hdl64"}, eval);
   const auto files = std::distance(fs::directory_iterator(dir / "cache"), {});
-  const auto given = run_revisit(eval + " --sensor hdl64");
+  run_ok(eval + " --sensor hdl64");
   EXPECT_EQ(std::distance(fs::directory_iterator(dir / "cache"), {}), files)
       << "the same features and descriptors";
 }

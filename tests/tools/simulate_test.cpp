@@ -7,8 +7,11 @@ std::string quick(const fs::path& output) {
   return "simulate -o '" + output.string() + "' --sensor vlp16 --length 300 --frames 3 ";
 }
 
-TEST(SimulateCommand, WritesADataSetAndTheNextCommand) {
+struct SimulateCommand : testing::Test {
   const TempDir dir;
+};
+
+TEST_F(SimulateCommand, WritesADataSetAndTheNextCommand) {
   const auto run = run_ok(quick(dir.path()));
   EXPECT_HAS(run.out, "3 scans");
   EXPECT_HAS(run.out, "revisit eval");
@@ -24,8 +27,7 @@ TEST(SimulateCommand, WritesADataSetAndTheNextCommand) {
   expect_exit(2, {"overwrite"}, quick(dir.path()) + "--seed 9");
 }
 
-TEST(SimulateCommand, ItsNextCommandWorks) {
-  const TempDir dir;
+TEST_F(SimulateCommand, ItsNextCommandWorks) {
   const std::string no_models = "REVISIT_MODELS=/nowhere";
   const auto run = run_ok("simulate -o '" + (dir / "my town").string() +
                               "' --sequence 05 --sensor vlp16 --length 300 --frames 60",
@@ -42,8 +44,7 @@ TEST(SimulateCommand, ItsNextCommandWorks) {
   EXPECT_HAS(next.out, "driving-order");
 }
 
-TEST(SimulateCommand, FramesAreARangeOrACount) {
-  const TempDir dir;
+TEST_F(SimulateCommand, FramesAreARangeOrACount) {
   const auto run = run_ok("simulate -q -o '" + dir.path().string() +
                           "' --sensor vlp16 --length 300 --frames 10-14 --every 2");
   EXPECT_EQ(run.out, "");
@@ -54,16 +55,14 @@ TEST(SimulateCommand, FramesAreARangeOrACount) {
     EXPECT_EQ(run_revisit(quick(dir / "bad") + "--frames '" + bad + "'").exit_code, 2) << bad;
 }
 
-TEST(SimulateCommand, ALimitOnMemoryIsSaid) {
+TEST_F(SimulateCommand, ALimitOnMemoryIsSaid) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "the sanitizers map terabytes";
 #endif
-  const TempDir dir;
   expect_exit(1, {"out of memory"}, quick(dir.path()), "ulimit -v 120000; OPENBLAS_NUM_THREADS=1");
 }
 
-TEST(SimulateCommand, MisuseIsExplained) {
-  const TempDir dir;
+TEST_F(SimulateCommand, MisuseIsExplained) {
   expect_exit(2, {"--output"}, "simulate");
   expect_exit(2, {"did you mean 'opposite'"}, quick(dir.path()) + "--route opposit");
   expect_exit(2, {"--poses"}, quick(dir.path()) + "--poses p.txt");
@@ -74,8 +73,7 @@ TEST(SimulateCommand, MisuseIsExplained) {
       "simulate -o '" + dir.path().string() + "' --poses '" + (dir / "no.txt").string() + "'");
 }
 
-TEST(SimulateCommand, ACameraWritesPicturesBesideTheScans) {
-  const TempDir dir;
+TEST_F(SimulateCommand, ACameraWritesPicturesBesideTheScans) {
   const auto run = run_ok(quick(dir.path()) + "--camera --image-scale 0.1 --light steady");
   EXPECT_HAS(run.out, "each with an image");
   for (const char* frame : {"000000", "000001", "000002"})
@@ -85,8 +83,7 @@ TEST(SimulateCommand, ACameraWritesPicturesBesideTheScans) {
   EXPECT_EQ(run_revisit(quick(dir / "other") + "--camera --image-scale 2").exit_code, 2);
 }
 
-TEST(SimulateCommand, SurroundingsAndMountAreSettings) {
-  const TempDir dir;
+TEST_F(SimulateCommand, SurroundingsAndMountAreSettings) {
   const std::string options =
       "--surroundings old-town --traffic 0.5 --sensor-height 2.1 --sensor-pitch 2 --sensor-roll -1";
   run_ok(quick(dir.path()) + options);
@@ -104,8 +101,7 @@ TEST(SimulateCommand, SurroundingsAndMountAreSettings) {
   }
 }
 
-TEST(SimulateCommand, PresetsAreSetsOfPlaces) {
-  const TempDir dir;
+TEST_F(SimulateCommand, PresetsAreSetsOfPlaces) {
   const std::string output = "simulate -o '" + (dir / "set").string() + "' ";
   const auto run = run_ok(output + "--preset hkust-rotation");
   EXPECT_HAS(run.out, "77 scans");
@@ -117,8 +113,7 @@ TEST(SimulateCommand, PresetsAreSetsOfPlaces) {
   }
 }
 
-TEST(SimulateCommand, AFolderThatCannotBeWrittenIsAnError) {
-  const TempDir dir;
+TEST_F(SimulateCommand, AFolderThatCannotBeWrittenIsAnError) {
   write_file(dir / "file", "");
   expect_exit(1, {"file"}, quick(dir / "file"));
 }
