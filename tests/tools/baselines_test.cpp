@@ -111,8 +111,7 @@ TEST_F(BaselinesTest, FabMapWithImagesFromElsewhere) {
   write_images(dir_ / "camera");
   write_images(dir_ / "other");
   const std::string images = "--images " + (dir_ / "camera").string();
-  const auto result =
-      run_revisit(eval("fabmap", images + "," + (dir_ / "other").string()));
+  const auto result = run_revisit(eval("fabmap", images + "," + (dir_ / "other").string()));
   if (result.err.find("without OpenCV") != std::string::npos) GTEST_SKIP() << "built without it";
   EXPECT_EQ(result.exit_code, 0) << result.err;
   const auto expect = [&](int code, const std::string& more, const std::string& part) {

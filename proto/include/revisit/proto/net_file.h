@@ -54,8 +54,8 @@ struct NetFile {
 };
 
 /// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and
-/// extracts the layers of the state (inference_net.cpp). For a solver file, reads the single net that
-/// it names, relative to the solver's folder, else to the working folder. Throws InputError,
+/// extracts the layers of the state (inference_net.cpp). For a solver file, reads the single net
+/// that it names, relative to the solver's folder, else to the working folder. Throws InputError,
 /// `path:line:column: reason`, if the text does not parse or upgrade, has no layers, or exceeds a
 /// limit.
 NetFile read_net(const std::filesystem::path& prototxt, const NetReadOptions& options = {});
