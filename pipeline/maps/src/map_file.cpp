@@ -179,7 +179,7 @@ std::unique_ptr<SqlDriver> MapFile::open_for_writing(std::unique_ptr<WriterLock>
 
 std::unique_ptr<MapStore> temporary_map(const MapFingerprint& fingerprint) {
   auto driver = std::make_unique<SqliteDriver>("", SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE,
-                                               "the temporary map");
+                                               "the temporary map in TMPDIR, /var/tmp or /tmp");
   create_tables(*driver, {.fingerprint = fingerprint});
   return std::make_unique<MapStore>(std::move(driver), MapAccess::kWrite);
 }

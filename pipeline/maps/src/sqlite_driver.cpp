@@ -153,7 +153,8 @@ void SqliteDriver::fail(int code) const {
     case SQLITE_READONLY:
       throw Error(name(), ": cannot be written: no permission, or a read-only file system");
     case SQLITE_FULL:
-      throw Error(name(), ": cannot be written: the disk is full; earlier changes are kept");
+      throw Error(name(), ": cannot be written: the disk is full",
+                  lock_ == nullptr ? "" : "; earlier changes are kept");
     case SQLITE_IOERR:
       throw Error(name(), ": cannot be read or written: ", reason);
     case SQLITE_NOTADB:

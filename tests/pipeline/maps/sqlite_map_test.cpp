@@ -200,6 +200,18 @@ TEST(SqliteMap, RejectsOtherFilesBesideIt) {
   EXPECT_EQ(read_file(dir / "new-wal"), "of another program");
 }
 
+TEST(SqliteDriver, DoesNotPromiseThatATemporaryDatabaseIsKept) {
+  SqliteDriver temporary("", SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, "temporary");
+  temporary.execute("PRAGMA max_page_count = 2");
+  temporary.execute("CREATE TABLE t (x)");
+  try {
+    temporary.execute("INSERT INTO t VALUES (zeroblob(100000))");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_STREQ(error.what(), "temporary: cannot be written: the disk is full");
+  }
+}
+
 /// A killed program leaves a log for the next process that opens the database, here a copy.
 TEST(SqliteMap, LeavesLogsOfOtherProgramsUnchanged) {
   for (const char* mode : {"DELETE", "WAL"}) {
