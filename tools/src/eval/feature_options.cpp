@@ -81,6 +81,24 @@ void FeatureOptions::declare_describing(Options& options, Scans scans) {
               &feature)
       .suggest(names)
       .common(of_drives);
+  declare_cnn(options, of_drives);
+  if (of_drives)
+    options.option(
+        "align", "none|case1|case2",
+        "alignment of scans to their principal directions (default case1 for cnn and data, "
+        "else none)",
+        &align);
+  declare_ring(options, scans);
+  if (of_drives) declare_baselines(options);
+  declare_running(options, of_drives);
+  options.check([this, &options, scans] {
+    choose_feature(options, &feature);
+    check_feature(options, feature);
+    if (scans == Scans::kOneByOne && graph_candidates() > 0) need_built_in("--candidates", "FAISS");
+  });
+}
+
+void FeatureOptions::declare_cnn(Options& options, bool of_drives) {
   options
       .option("model", "P", "cnn: prototxt, or name of a known model (default: the best one found)",
               &model)
@@ -103,20 +121,6 @@ void FeatureOptions::declare_describing(Options& options, Scans scans) {
               "(default: the model's)",
               &mean_bgr)
       .of_features("cnn");
-  if (of_drives)
-    options.option(
-        "align", "none|case1|case2",
-        "alignment of scans to their principal directions (default case1 for cnn and data, "
-        "else none)",
-        &align);
-  declare_ring(options, scans);
-  if (of_drives) declare_baselines(options);
-  declare_running(options, of_drives);
-  options.check([this, &options, scans] {
-    choose_feature(options, &feature);
-    check_feature(options, feature);
-    if (scans == Scans::kOneByOne && graph_candidates() > 0) need_built_in("--candidates", "FAISS");
-  });
 }
 
 void FeatureOptions::declare_ring(Options& options, Scans scans) {

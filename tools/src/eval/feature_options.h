@@ -70,6 +70,7 @@ struct FeatureOptions {
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 
  private:
+  void declare_cnn(Options& options, bool of_drives);
   void declare_ring(Options& options, Scans scans);
   void declare_baselines(Options& options);
   void declare_running(Options& options, bool of_drives);
