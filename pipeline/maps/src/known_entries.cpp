@@ -40,8 +40,14 @@ std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& excluded,
 }  // namespace
 
 KnownEntries::KnownEntries(const FeatureExtractor& extractor, const RecognizerOptions& options,
-                           MapStore& map, Acceptance& acceptance, const MapStore::Warn& warn)
-    : extractor_(extractor), options_(options), map_(map), acceptance_(acceptance), warn_(warn) {
+                           MapStore& map, bool is_temporary, Acceptance& acceptance,
+                           const MapStore::Warn& warn)
+    : extractor_(extractor),
+      options_(options),
+      map_(map),
+      is_temporary_(is_temporary),
+      acceptance_(acceptance),
+      warn_(warn) {
   features_.d = extractor.dim;
   if (!extractor.fit_projection) complete(unchanged_projection(extractor));
   load_updates();
@@ -124,8 +130,7 @@ std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries, Claim* cla
       entries[i].feature = is_complete() ? std::vector<float>() : features[i];
       entries[i].descriptor = is_complete() ? descriptor_of(features[i]) : features[i];
     }
-    ids = claim != nullptr ? claim->add(entries, read_to_.revision)
-                           : map_.add(entries, read_to_.revision);
+    ids = store(entries, claim);
     if (ids.size() == entries.size()) break;
     load_updates();
   }
@@ -142,17 +147,32 @@ std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries, Claim* cla
   return ids;
 }
 
+std::vector<int64_t> KnownEntries::store(std::span<const MapEntry> entries, Claim* claim) {
+  if (claim != nullptr) return claim->add(entries, read_to_.revision);
+  if (!is_temporary_) return map_.add(entries, read_to_.revision);
+  std::vector<MapEntry> without_values;
+  for (const MapEntry& entry : entries)
+    without_values.push_back({.drive = entry.drive,
+                              .frame = entry.frame,
+                              .time = entry.time,
+                              .pose = entry.pose,
+                              .cloud = entry.cloud});
+  return map_.add(without_values);
+}
+
 /// If several processes do so, the others load that of the first one. Errors are only reported,
 /// because the entry is already in the map and loaded; the next add() tries again.
 void KnownEntries::store_projection() {
   try {
-    const bool is_first = map_.replace_descriptors(
-        [&](const MapEntry& entry) {
-          return misfit_of(entry).empty() ? descriptor_of(entry.feature) : entry.descriptor;
-        },
-        {{kProjectionValue, projection_->content}}, read_to_.revision);
-    if (!is_first) return load_updates();
-    ++read_to_.revision;
+    if (!is_temporary_) {
+      const bool is_first = map_.replace_descriptors(
+          [&](const MapEntry& entry) {
+            return misfit_of(entry).empty() ? descriptor_of(entry.feature) : entry.descriptor;
+          },
+          {{kProjectionValue, projection_->content}}, read_to_.revision);
+      if (!is_first) return load_updates();
+      ++read_to_.revision;
+    }
     state_ = State::kComplete;
     features_ = {};
     use_graph();

@@ -26,8 +26,9 @@ namespace revisit {
 /// Indices of entries never change, also after removals. Keeps references to its arguments.
 class KnownEntries {
  public:
+  /// `is_temporary`: nobody reads the map again, so it gets no descriptors and features.
   KnownEntries(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore& map,
-               Acceptance& acceptance, const MapStore::Warn& warn);
+               bool is_temporary, Acceptance& acceptance, const MapStore::Warn& warn);
 
   /// After an error the next call continues with the rest.
   void load_updates();
@@ -69,6 +70,7 @@ class KnownEntries {
   void collect(std::span<const float> feature);
   bool is_distinct(std::span<const float> feature);
   void estimate_projection();
+  std::vector<int64_t> store(std::span<const MapEntry> entries, Claim* claim);
   void store_projection();
   void complete(Projection projection);
   void update();
@@ -80,6 +82,7 @@ class KnownEntries {
   const FeatureExtractor& extractor_;
   const RecognizerOptions& options_;
   MapStore& map_;
+  const bool is_temporary_;
   Acceptance& acceptance_;
   const MapStore::Warn& warn_;
   MapState read_to_;

@@ -96,7 +96,7 @@ struct PlaceRecognizer::Impl {
         has_map(store != nullptr),
         map(has_map ? std::move(store) : temporary_map(fingerprint_of(extractor, options))),
         acceptance(extractor, options, *map, warn),
-        entries(extractor, options, *map, acceptance, warn) {}
+        entries(extractor, options, *map, !has_map, acceptance, warn) {}
 
   std::vector<int64_t> add(std::span<const Description> scans, std::vector<MapEntry> about,
                            Claim* claim) {
