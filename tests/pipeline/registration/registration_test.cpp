@@ -1,5 +1,8 @@
 #include "revisit/registration/registration.h"
 
+#include <algorithm>
+#include <random>
+
 #include "lidar.h"
 #include "prepared_scan.h"
 #include "ray_caster.h"
@@ -30,6 +33,30 @@ TEST(CoarsePose, FindsShiftAndTurn) {
   const Eigen::Isometry3d found = coarse_pose(query, place, 90 * kDegree, 6, 60);
   EXPECT_LT((found.translation() - truth.translation()).norm(), 0.51);
   EXPECT_NEAR(yaw_of(found) / kDegree, 91.5, 1e-6);
+}
+
+TEST(NearestNeighbors, AreThoseOfAnExhaustiveSearch) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> meters(-10, 10);
+  const auto place = [&] {
+    return Eigen::Vector3f(meters(random), meters(random), meters(random));
+  };
+  std::vector<Eigen::Vector3f> points(2000);
+  std::generate(points.begin(), points.end(), place);
+  const NearestNeighbors tree(points);
+  for (const size_t most : {size_t{1}, size_t{2}, NearestNeighbors::kMost})
+    for (int query = 0; query < 200; ++query) {
+      constexpr float kLimit = 4;  // [m^2]
+      const Eigen::Vector3f at = place();
+      std::vector<float> expected;
+      for (const Eigen::Vector3f& point : points)
+        if ((point - at).squaredNorm() < kLimit) expected.push_back((point - at).squaredNorm());
+      std::sort(expected.begin(), expected.end());
+      expected.resize(std::min(expected.size(), most));
+      std::vector<Neighbor> found(most);
+      ASSERT_EQ(tree.nearest(at, kLimit, found), expected.size());
+      for (size_t i = 0; i < expected.size(); ++i) EXPECT_FLOAT_EQ(found[i].squared, expected[i]);
+    }
 }
 
 TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
