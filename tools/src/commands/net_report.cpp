@@ -68,10 +68,6 @@ std::string field_text(const reports::NetLayer& layer) {
          pair([](const auto& f) { return f.start(); }, ",");
 }
 
-std::string threads_text(int threads) {
-  return str(threads, threads == 1 ? " thread" : " threads");
-}
-
 std::string mebi(double bytes) {
   return number(bytes / 1048576, 2);
 }
@@ -123,7 +119,7 @@ void print_limits(const reports::NetReport& report) {
   double nearest = 0;
   for (const reports::Bandwidth& bandwidth : limits.bandwidths())
     nearest = std::max({nearest, bandwidth.read(), bandwidth.copied()});
-  std::cout << "limits of " << threads_text(limits.threads()) << ": "
+  std::cout << "limits of " << plural(limits.threads(), "thread") << ": "
             << number(limits.float32_gflops(), 1) << " GFLOP/s in float32"
             << (limits.bf16_gflops() > 0 ? ", " + number(limits.bf16_gflops(), 1) + " in bfloat16"
                                          : "")
@@ -204,7 +200,7 @@ void print_summary(const reports::NetReport& report) {
   };
   line("end to end, uninstrumented ", report.total_ms());
   line("sum of the layers     ", report.layer_sum_ms());
-  std::cout << report.passes() << " passes, " << threads_text(report.threads()) << ", "
+  std::cout << report.passes() << " passes, " << plural(report.threads(), "thread") << ", "
             << number(report.gflops(), 1) << " GFLOP/s, peak resident memory "
             << mebi(report.peak_resident_bytes()) << " MiB\n";
   print_limits(report);
@@ -340,7 +336,8 @@ reports::NetReport net_report(const NetFindings& findings) {
 
 void print_net_report(const reports::NetReport& report, const std::string& format) {
   if (format == "table")
-    std::cout << "kernels: " << report.simd() << ", " << threads_text(report.threads()) << "\n\n";
+    std::cout << "kernels: " << report.simd() << ", " << plural(report.threads(), "thread")
+              << "\n\n";
   print_report(format, report, layer_table(report));
   if (format != "table") return;
   if (report.buffers_size() > 0) print_buffers(report);
