@@ -32,8 +32,8 @@ void set_input(engine::Run& run, nb::handle self, const std::string& name, nb::h
   const auto view = run.input(name);
   const auto array = float_array(values, "input '" + name + "'");
   if (shape_of(array) != view.shape.axes())
-    throw value_error(str("input '", name, "': expected an array of shape ",
-                          shape_text(view.shape.axes()), ", found ", shape_text(shape_of(array))));
+    throw value_error(str("input '", name, "': expected an array of shape ", view.shape.text(),
+                          ", found ", shape_text(shape_of(array))));
   const nb::object to = nb::cast(array_of_view(view, self)), copy = to.attr("__setitem__");
   call(copy, nb::ellipsis(), values);
 }
