@@ -78,17 +78,20 @@ std::string PostgresServer::url(const std::string& map, const std::string& user,
 }
 
 std::string PostgresServer::execute(const std::string& sql) const {
+  write_file(folder_ / "sql", sql);
   return run("psql -h " + (folder_ / "server").string() +
-             " -U postgres -XtA -v ON_ERROR_STOP=1 -c \"" + sql + "\"");
+             " -U postgres -XqtA -v ON_ERROR_STOP=1 -f " + (folder_ / "sql").string());
 }
 
-void PostgresServer::forget_maps() const {
-  // clang-format off
-  execute("DO \\$\\$ DECLARE name text; BEGIN "
-          "FOR name IN SELECT nspname FROM pg_namespace "
-          "WHERE nspname !~ '^pg_' AND nspname NOT IN ('information_schema', 'public') "
-          "LOOP EXECUTE 'DROP SCHEMA ' || quote_ident(name) || ' CASCADE'; END LOOP; END \\$\\$");
-  // clang-format on
+PostgresServer& PostgresServer::without_maps() {
+  static PostgresServer server;
+  server.start();  // the preceding test may have killed it
+  server.execute(
+      "DO $$ DECLARE name text; BEGIN FOR name IN SELECT nspname FROM pg_namespace WHERE nspname "
+      "!~ "
+      "'^pg_' AND nspname NOT IN ('information_schema', 'public') LOOP EXECUTE 'DROP SCHEMA ' || "
+      "quote_ident(name) || ' CASCADE'; END LOOP; END $$");
+  return server;
 }
 
 void PostgresServer::start() {

@@ -15,6 +15,10 @@ class PostgresServer {
   /// Returns "" if a server is installed, else the reason.
   static std::string missing();
 
+  /// Returns the server that the tests of this program share, because starting it takes seconds. It
+  /// runs and has no maps.
+  static PostgresServer& without_maps();
+
   PostgresServer();
   ~PostgresServer();
   PostgresServer(const PostgresServer&) = delete;
@@ -24,9 +28,6 @@ class PostgresServer {
   std::string url(const std::string& map, const std::string& user = "postgres",
                   const std::string& database = "postgres") const;
   std::string execute(const std::string& sql) const;
-
-  /// Drops every schema that is not the server's own.
-  void forget_maps() const;
 
   void start();
   /// Sends SIGKILL; child processes end when they notice.

@@ -41,6 +41,7 @@ std::string immutable_uri(const fs::path& path) {
 
 WriterLock::WriterLock(const std::filesystem::path& map, const std::string& name)
     : file_(map.string() + "-writer") {
+  check_target(map);
   while (true) {
     descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (descriptor_ < 0)

@@ -119,7 +119,7 @@ void PostgresDriver::connect() {
   connection->set_client_encoding("UTF8");
   {
     pqxx::nontransaction settings(*connection);
-    settings.exec(str("SET search_path = ", address_.map));
+    settings.exec(str("SET search_path = ", connection->quote_name(address_.map)));
     // Acknowledged commits are durable, whatever the server's default is.
     settings.exec(
         "SET synchronous_commit = on; SET bytea_output = hex; SET extra_float_digits = 3;"
@@ -314,7 +314,11 @@ std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess
       driver->execute(str("SELECT pg_advisory_xact_lock(", kApplicationId, ")"));
       look();  // another process may have created it meanwhile
       if (exists) return;
-      driver->execute(str("CREATE SCHEMA IF NOT EXISTS ", driver->map()));
+      if (count("SELECT count(*) FROM pg_class WHERE relnamespace = "
+                "to_regnamespace(quote_ident($1))") > 0)
+        throw InputError(driver->name(), ": the schema ", driver->map(),
+                         " has tables, but not a map; use another map=NAME");
+      driver->execute(str("CREATE SCHEMA IF NOT EXISTS \"", driver->map(), "\""));
       create_tables(*driver, {.fingerprint = *fingerprint, .format = format});
       driver->execute(kTablesOfServer);
     });
