@@ -30,7 +30,7 @@ set(owned_libraries
   "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"
   "faiss/|pipeline/maps/src/faiss/"
-  "pqxx/|pipeline/maps/src/postgres/"
+  "libpq-fe|pipeline/maps/src/postgres/"
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra.cpp"
   "lapacke|pipeline/recognition/src/linear_algebra.cpp"
   "yaml-cpp/|tools/src/"

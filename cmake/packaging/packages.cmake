@@ -57,7 +57,7 @@ if(REVISIT_FAISS)
   list(APPEND depends libfaiss-dev)
 endif()
 if(REVISIT_POSTGRES)
-  list(APPEND depends libpqxx-dev libpq-dev)
+  list(APPEND depends libpq-dev)
 endif()
 # The competitors alone need these, which take gigabytes.
 if(REVISIT_PCL)

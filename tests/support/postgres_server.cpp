@@ -49,7 +49,7 @@ std::string run(const std::string& command) {
 
 std::string PostgresServer::missing() {
 #ifndef REVISIT_HAVE_POSTGRES
-  return "built without libpqxx";
+  return "built without libpq";
 #endif
   if (programs().empty()) return "no PostgreSQL server is installed (postgresql)";
   if (::geteuid() == 0 && ::getpwnam("postgres") == nullptr) return "there is no user postgres";

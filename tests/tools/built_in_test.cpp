@@ -19,13 +19,13 @@ const std::vector<Need>& needs() {
         {"eval DATA --feature fabmap --descriptors OUT/described", "OpenCV", "--feature fabmap"},
         {"loops DATA --feature m2dp --candidates 10 -o OUT/loops.csv", "FAISS", "--candidates"},
         {"map query OUT/a.map DATA --feature m2dp --candidates 10", "FAISS", "--candidates"},
-        {"loops DATA --map SERVER -o OUT/loops.csv", "libpqxx", "--map"},
-        {"loops DATA --map OUT/town.map --projection-from SERVER", "libpqxx", "--projection-from"},
-        {"map build DATA --map SERVER", "libpqxx", "--map"},
-        {"map query SERVER scan.bin", "libpqxx", "map query"},
-        {"map info SERVER", "libpqxx", "map info"},
-        {"map merge OUT/a.map SERVER -o OUT/both.map", "libpqxx", "map merge"},
-        {"map merge OUT/a.map OUT/b.map -o SERVER", "libpqxx", "--output"}};
+        {"loops DATA --map SERVER -o OUT/loops.csv", "libpq", "--map"},
+        {"loops DATA --map OUT/town.map --projection-from SERVER", "libpq", "--projection-from"},
+        {"map build DATA --map SERVER", "libpq", "--map"},
+        {"map query SERVER scan.bin", "libpq", "map query"},
+        {"map info SERVER", "libpq", "map info"},
+        {"map merge OUT/a.map SERVER -o OUT/both.map", "libpq", "map merge"},
+        {"map merge OUT/a.map OUT/b.map -o SERVER", "libpq", "--output"}};
     for (const char* feature : {"vfh", "esf", "grsd"}) {
       const std::string option = str("--feature ", feature);
       needs.push_back({"loops DATA -o OUT/loops.csv " + option, "PCL", option});

@@ -5,11 +5,11 @@ namespace revisit {
 
 std::unique_ptr<SqlDriver> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,
                                              DescriptorType) {
-  built_without("a map on a PostgreSQL server", "libpqxx");
+  built_without("a map on a PostgreSQL server", "libpq");
 }
 
 std::unique_ptr<WorkQueue> open_postgres_work(const std::string&) {
-  built_without("a map on a PostgreSQL server", "libpqxx");
+  built_without("a map on a PostgreSQL server", "libpq");
 }
 
 }  // namespace revisit

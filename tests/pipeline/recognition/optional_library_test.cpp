@@ -14,7 +14,7 @@ TEST(OptionalLibrary, NamesThePackageAndTheOption) {
         rejection, {str("this: this program was built without ", library.name),
                     str("install ", library.package, " "), str("-D", library.option, "=ON")});
   }
-  EXPECT_EQ(names, (std::set<std::string_view>{"FAISS", "OpenCV", "PCL", "libpqxx"}))
+  EXPECT_EQ(names, (std::set<std::string_view>{"FAISS", "OpenCV", "PCL", "libpq"}))
       << "the names that built_without() is called with";
 }
 

@@ -17,7 +17,7 @@ void need_built_in(const std::string& option, std::string_view library) {
 }
 
 void need_built_in_for_map(const std::string& option, const std::filesystem::path& map) {
-  if (is_server_address(map.string())) need_built_in(option, "libpqxx");
+  if (is_server_address(map.string())) need_built_in(option, "libpq");
 }
 
 std::string built_in_text() {

@@ -1,5 +1,6 @@
 #include "driver.h"
 
+#include <bit>
 #include <random>
 #include <thread>
 
@@ -21,31 +22,27 @@ const SqlDialect kPostgres{.id = "BIGINT PRIMARY KEY",
 
 /// Table `expected`: frames of WorkQueue::enqueue(), pending without entry and error. Table
 /// `writer`: number of transactions that a process has committed.
-constexpr const char* kTablesOfServer =
-    "ALTER TABLE map ADD version INTEGER NOT NULL DEFAULT 1;"
+constexpr const char* kTablesOfServer[] = {
+    "ALTER TABLE map ADD version INTEGER NOT NULL DEFAULT 1",
     "CREATE TABLE expected (drive TEXT NOT NULL, frame BIGINT NOT NULL, entry BIGINT REFERENCES "
-    "entry (id) ON DELETE CASCADE, error TEXT, PRIMARY KEY (drive, frame));"
-    "CREATE INDEX ON expected (entry);"
-    "CREATE TABLE writer (id BIGINT PRIMARY KEY, transactions BIGINT NOT NULL)";
+    "entry (id) ON DELETE CASCADE, error TEXT, PRIMARY KEY (drive, frame))",
+    "CREATE INDEX ON expected (entry)",
+    "CREATE TABLE writer (id BIGINT PRIMARY KEY, transactions BIGINT NOT NULL)"};
 static_assert(kMapVersion == 1);
 
-enum Type : pqxx::oid { kBytes = 17, kInt8 = 20, kInt2 = 21, kInt4 = 23, kFloat8 = 701 };
-
-/// As the server writes it; null for NULL.
-std::optional<std::string> text_of(const SqlValue& value) {
-  if (const auto* integer = std::get_if<int64_t>(&value)) return std::to_string(*integer);
-  if (const auto* real = std::get_if<double>(&value)) return exact(*real);  // in every locale
-  if (const auto* text = std::get_if<std::string_view>(&value)) return std::string(*text);
-  const auto* blob = std::get_if<Blob>(&value);
-  if (blob == nullptr) return std::nullopt;
-  std::string hex = "\\x";
-  hex.reserve(2 + 2 * blob->bytes.size());
-  for (const char c : blob->bytes) {
-    constexpr const char* kDigits = "0123456789abcdef";
-    const auto byte = static_cast<unsigned char>(c);
-    hex += {kDigits[byte >> 4], kDigits[byte & 15]};
-  }
-  return hex;
+/// Column of a result in the server's binary format. Texts and blobs are their bytes.
+SqlValue value_of(const PGresult* result, int row, int column) {
+  enum Type : Oid { kInt8 = 20, kInt2 = 21, kInt4 = 23, kFloat8 = 701 };
+  if (PQgetisnull(result, row, column) != 0) return nullptr;
+  const std::string_view bytes(PQgetvalue(result, row, column),
+                               static_cast<size_t>(PQgetlength(result, row, column)));
+  const Oid type = PQftype(result, column);
+  if (type != kInt8 && type != kInt4 && type != kInt2 && type != kFloat8) return bytes;
+  uint64_t bits = 0;  // big-endian
+  for (const char byte : bytes) bits = bits << 8 | static_cast<unsigned char>(byte);
+  if (type == kFloat8) return std::bit_cast<double>(bits);
+  const size_t unused = 64 - 8 * bytes.size();
+  return static_cast<int64_t>(bits << unused) >> unused;
 }
 
 bool has(const std::string& text, const char* part) {
@@ -60,36 +57,9 @@ std::string remedy_of(const std::string& message) {
   return "check that a PostgreSQL server runs there and accepts connections from this machine";
 }
 
-template <class Kind>
-bool is(const pqxx::pqxx_exception& error) {
-  return dynamic_cast<const Kind*>(&error) != nullptr;
-}
-
-bool means_lost(const pqxx::pqxx_exception& error) {
-  if (is<pqxx::broken_connection>(error) || is<pqxx::in_doubt_error>(error) ||
-      is<pqxx::statement_completion_unknown>(error))
-    return true;
-  const auto* sql = dynamic_cast<const pqxx::sql_error*>(&error);
-  // 57P..: the server shuts down or starts; 08...: the connection failed.
-  return sql != nullptr &&
-         (sql->sqlstate().starts_with("57P") || sql->sqlstate().starts_with("08"));
-}
-
 }  // namespace
 
 namespace postgres {
-
-class PostgresDriver::Listener : public pqxx::notification_receiver {
- public:
-  Listener(pqxx::connection& connection, const std::string& channel, bool& updates)
-      : notification_receiver(connection, channel), updates_(updates) {}
-  void operator()(const std::string&, int process) override {
-    if (process != conn().backendpid()) updates_ = true;
-  }
-
- private:
-  bool& updates_;
-};
 
 PostgresDriver::PostgresDriver(Address address, bool listens)
     : SqlDriver(address.name, kPostgres),
@@ -101,74 +71,70 @@ PostgresDriver::PostgresDriver(Address address, bool listens)
   if (!listens_) return;
   try {
     connect();
-  } catch (const pqxx::pqxx_exception& error) {
-    const std::string message = without_password(error.base().what());
+  } catch (const ServerError& error) {
+    const std::string message = without_password(error.what());
     throw Error(name(), ": no connection: ", message, "; ", remedy_of(message));
   }
 }
 
-PostgresDriver::~PostgresDriver() = default;
-
 void PostgresDriver::connect() {
-  auto connection = std::make_unique<pqxx::connection>(address_.url);
-  // Otherwise libpqxx reconnects by itself, and notifications would be missed.
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
-  connection->inhibit_reactivation(true);
-#pragma GCC diagnostic pop
-  connection->set_client_encoding("UTF8");
-  {
-    pqxx::nontransaction settings(*connection);
-    settings.exec(str("SET search_path = ", connection->quote_name(address_.map)));
-    // Acknowledged commits are durable, whatever the server's default is.
-    settings.exec(
-        "SET synchronous_commit = on; SET bytea_output = hex; SET extra_float_digits = 3;"
-        "SET client_min_messages = warning;"
-        // The server detects a client without network within half a minute and releases its claims.
-        // Claims have no time limit.
-        "SET tcp_keepalives_idle = 10; SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = "
-        "4; SET idle_in_transaction_session_timeout = 0");
-  }
-  if (listens_) listener_ = std::make_unique<Listener>(*connection, channel_, updates);
-  connection_ = std::move(connection);
+  connection_.reset(PQconnectdb(address_.url.c_str()));
+  PGconn* const to = connection_.get();
+  if (PQstatus(to) != CONNECTION_OK) checked(nullptr);
+  PQsetNoticeProcessor(
+      to, [](void*, const char*) {}, nullptr);
+  // Acknowledged commits are durable, whatever the server's default is. The server detects a client
+  // without network within half a minute and releases its claims. Claims have no time limit.
+  checked(PQexec(to, str("SET search_path = \"", address_.map,
+                         "\"; SET client_encoding = UTF8; "
+                         "SET synchronous_commit = on; SET tcp_keepalives_idle = 10; "
+                         "SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = 4; "
+                         "SET idle_in_transaction_session_timeout = 0; ",
+                         listens_ ? "LISTEN " + channel_ : "")
+                         .c_str()));
   updates = true;  // changes before the connection are unknown
 }
 
-void PostgresDriver::disconnect() {
-  listener_.reset();
-  connection_.reset();
+PostgresDriver::Result PostgresDriver::checked(PGresult* result) const {
+  Result owned(result, &PQclear);
+  const ExecStatusType status = PQresultStatus(result);
+  if (status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK) return owned;
+  ServerError error(PQerrorMessage(connection_.get()));
+  if (const char* state = PQresultErrorField(result, PG_DIAG_SQLSTATE)) error.state = state;
+  // Without a state the server did not answer. 57P..: it shuts down or starts; 08...: the
+  // connection failed.
+  error.is_lost = error.state.empty() || PQstatus(connection_.get()) != CONNECTION_OK ||
+                  error.state.starts_with("57P") || error.state.starts_with("08");
+  throw error;
 }
 
 void PostgresDriver::execute(const std::string& sql, const std::vector<SqlValue>& values,
                              const Take& take) {
-  std::vector<std::optional<std::string>> texts;
-  for (const SqlValue& value : values) texts.push_back(text_of(value));
+  std::vector<std::string> texts(values.size());
   std::vector<const char*> parameters;
-  for (const auto& text : texts) parameters.push_back(text ? text->c_str() : nullptr);
-  pqxx::result rows;
-  {
-    pqxx::nontransaction step(*connection_);
-    rows = values.empty() ? step.exec(sql)
-                          : step.exec_params(sql, pqxx::prepare::make_dynamic_params(parameters));
+  std::vector<int> sizes, are_binary;
+  for (size_t i = 0; i < values.size(); ++i) {
+    std::string& text = texts[i];
+    const auto* blob = std::get_if<Blob>(&values[i]);
+    if (const auto* integer = std::get_if<int64_t>(&values[i])) text = std::to_string(*integer);
+    if (const auto* real = std::get_if<double>(&values[i])) text = exact(*real);
+    if (const auto* of_caller = std::get_if<std::string_view>(&values[i])) text = *of_caller;
+    const bool is_null = std::holds_alternative<std::nullptr_t>(values[i]);
+    // A null pointer would be NULL.
+    parameters.push_back(is_null                                   ? nullptr
+                         : blob != nullptr && !blob->bytes.empty() ? blob->bytes.data()
+                                                                   : text.c_str());
+    sizes.push_back(blob == nullptr ? 0 : static_cast<int>(blob->bytes.size()));
+    are_binary.push_back(blob == nullptr ? 0 : 1);
   }
+  const Result rows =
+      checked(PQexecParams(connection_.get(), sql.c_str(), static_cast<int>(values.size()), nullptr,
+                           parameters.data(), sizes.data(), are_binary.data(), 1));
   if (!take) return;
-  for (const pqxx::row& row : rows) {
+  for (int row = 0; row < PQntuples(rows.get()); ++row) {
     SqlRow converted{name(), {}};
-    std::vector<std::string> bytes;
-    bytes.reserve(row.size());
-    for (const pqxx::field& field : row) {
-      auto& cell = converted.cells.emplace_back(nullptr);
-      if (field.is_null()) continue;
-      const pqxx::oid type = field.type();
-      if (type == kInt8 || type == kInt4 || type == kInt2)
-        cell = field.as<int64_t>();
-      else if (type == kFloat8)
-        cell = field.as<double>();
-      else if (type == kBytes)
-        cell = std::string_view(bytes.emplace_back(pqxx::binarystring(field).str()));
-      else
-        cell = std::string_view(field.c_str(), field.size());
-    }
+    for (int column = 0; column < PQnfields(rows.get()); ++column)
+      converted.cells.push_back(value_of(rows.get(), row, column));
     take(converted);
   }
 }
@@ -182,19 +148,16 @@ void PostgresDriver::transaction(Locking locking, const std::function<void()>& w
 
 void PostgresDriver::run_transaction(Locking locking, const std::function<void()>& work,
                                      bool again) {
+  const bool writes = locking == Locking::kWrites;
   try {
-    if (locking == Locking::kReads) {
-      execute("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY");
+    execute(writes ? "BEGIN" : "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY");
+    if (!again || !writes || !was_committed()) {
       work();
-    } else {
-      execute("BEGIN");
-      if (!again || !was_committed()) {
-        work();
+      if (writes)
         execute(
             "INSERT INTO writer VALUES ($1, $2) ON CONFLICT (id) DO UPDATE SET transactions = "
             "excluded.transactions",
             {id_, transactions_});
-      }
     }
     execute("COMMIT");
   } catch (...) {
@@ -218,61 +181,54 @@ void PostgresDriver::roll_back() {
   hold = false;
   if (connection_ != nullptr) try {
       execute("ROLLBACK");
-    } catch (const pqxx::pqxx_exception&) {
-      disconnect();
+    } catch (const ServerError&) {
+      connection_.reset();
     }
 }
 
 bool PostgresDriver::has_updates() {
-  if (!updates) retry([&] { connection_->get_notifs(); });
+  if (!updates)
+    retry([&] {
+      if (PQconsumeInput(connection_.get()) == 0) checked(nullptr);
+      while (PGnotify* const found = PQnotifies(connection_.get())) {
+        if (found->be_pid != PQbackendPID(connection_.get())) updates = true;
+        PQfreemem(found);
+      }
+    });
   return updates;
 }
 
 void PostgresDriver::retry(const std::function<void()>& work) {
+  using Clock = std::chrono::steady_clock;
   for (std::optional<Clock::time_point> lost_at;;) {
     try {
-      if (connection_ == nullptr) try {
-          connect();
-        } catch (const pqxx::sql_error&) {
-          throw;
-        } catch (const pqxx::failure& error) {  // of any kind: the server went down meanwhile
-          throw pqxx::broken_connection(error.what());
-        }
+      if (connection_ == nullptr) connect();
       return work();
-    } catch (const pqxx::pqxx_exception& error) {
+    } catch (const ServerError& error) {
       throw_unless_lost(error);
-      wait_after(error, lost_at);
+      if (!lost_at) lost_at = Clock::now();
+      if (Clock::now() - *lost_at >= address_.patience)
+        throw Error(name(), ": the connection was lost and could not be reopened within ",
+                    static_cast<double>(address_.patience.count()) / 1000,
+                    " s: ", without_password(error.what()),
+                    "; restart the server; acknowledged changes are kept");
+      std::this_thread::sleep_for(std::min(kBetweenTries, address_.patience));
     }
   }
 }
 
-void PostgresDriver::throw_unless_lost(const pqxx::pqxx_exception& error) {
-  const std::string message = without_password(error.base().what());
-  if (!means_lost(error)) {
-    if (is<pqxx::insufficient_resources>(error))
-      throw Error(name(), ": the server has no space left: ", message);
-    if (is<pqxx::insufficient_privilege>(error))
-      throw Error(name(), ": the server denies access: ", message,
-                  "; grant the permission to this user, or use another");
-    if (is<pqxx::data_exception>(error))
-      throw UsageError(name(), ": the server cannot store this: ", message);
-    if (is<pqxx::undefined_column>(error) || is<pqxx::undefined_table>(error))
-      throw InputError(name(), ": not a map, or another program's tables: ", message);
-    throw Error(name(), ": server error: ", message);
-  }
-  disconnect();
-}
-
-void PostgresDriver::wait_after(const pqxx::pqxx_exception& lost,
-                                std::optional<Clock::time_point>& lost_at) {
-  const Clock::time_point now = Clock::now();
-  if (!lost_at) lost_at = now;
-  if (now - *lost_at >= address_.patience)
-    throw Error(name(), ": the connection was lost and could not be reopened within ",
-                static_cast<double>(address_.patience.count()) / 1000,
-                " s: ", without_password(lost.base().what()),
-                "; restart the server; acknowledged changes are kept");
-  std::this_thread::sleep_for(std::min(kBetweenTries, address_.patience));
+void PostgresDriver::throw_unless_lost(const ServerError& error) {
+  if (error.is_lost) return connection_.reset();
+  const std::string message = without_password(error.what());
+  const std::string kind = error.state.substr(0, 2);
+  if (kind == "53") throw Error(name(), ": the server has no space left: ", message);
+  if (error.state == "42501")
+    throw Error(name(), ": the server denies access: ", message,
+                "; grant the permission to this user, or use another");
+  if (kind == "22") throw UsageError(name(), ": the server cannot store this: ", message);
+  if (error.state == "42703" || error.state == "42P01")  // an undefined column or table
+    throw InputError(name(), ": not a map, or another program's tables: ", message);
+  throw Error(name(), ": server error: ", message);
 }
 
 std::string PostgresDriver::without_password(std::string message) const {
@@ -320,7 +276,7 @@ std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess
                          " has tables, but not a map; use another map=NAME");
       driver->execute(str("CREATE SCHEMA IF NOT EXISTS \"", driver->map(), "\""));
       create_tables(*driver, {.fingerprint = *fingerprint, .format = format});
-      driver->execute(kTablesOfServer);
+      for (const char* table : kTablesOfServer) driver->execute(table);
     });
   if (access == MapAccess::kNew && exists) throw InputError(driver->name(), ": already exists");
   driver->transaction(Locking::kReads, [&] {

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <postgresql/libpq-fe.h>
+
 #include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
-#include <pqxx/pqxx>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -14,15 +16,20 @@
 
 namespace revisit::postgres {
 
+struct ServerError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+  bool is_lost = true;  // the connection
+  std::string state;    // postgresql.org/docs/current/errcodes-appendix.html; "": of the connection
+};
+
 /// A connection to a server that is reopened when it is lost. Messages begin with the address
 /// without its password and never contain the password.
 class PostgresDriver : public SqlDriver {
  public:
   /// `listens`: receives notifications by other processes; connects now, without retrying.
   explicit PostgresDriver(Address address, bool listens = true);
-  ~PostgresDriver() override;
 
-  /// Outside of transaction() and retry(), throws what libpqxx throws.
+  /// Outside of transaction() and retry(), throws ServerError.
   void execute(const std::string& sql, const std::vector<SqlValue>& values = {},
                const Take& take = {}) override;
   void transaction(Locking locking, const std::function<void()>& work) override;
@@ -34,7 +41,7 @@ class PostgresDriver : public SqlDriver {
   /// rejects the work, and UsageError for values it cannot store.
   void retry(const std::function<void()>& work);
   /// Throws the corresponding error, or returns if the connection is lost.
-  void throw_unless_lost(const pqxx::pqxx_exception& error);
+  void throw_unless_lost(const ServerError& error);
   /// Ends the transaction of `hold`, or one that has failed.
   void roll_back();
 
@@ -42,22 +49,19 @@ class PostgresDriver : public SqlDriver {
   bool hold = false;
 
  private:
-  using Clock = std::chrono::steady_clock;
-  class Listener;
+  using Result = std::unique_ptr<PGresult, decltype(&PQclear)>;
 
   void connect();
-  void disconnect();
+  Result checked(PGresult* result) const;
   void run_transaction(Locking locking, const std::function<void()>& work, bool again);
   bool was_committed();
-  void wait_after(const pqxx::pqxx_exception& lost, std::optional<Clock::time_point>& lost_at);
   std::string without_password(std::string message) const;
 
   Address address_;
   bool listens_;
   std::string channel_;
   int64_t id_, transactions_ = 0;  // row of table `writer`
-  std::unique_ptr<pqxx::connection> connection_;
-  std::unique_ptr<Listener> listener_;
+  std::unique_ptr<PGconn, decltype(&PQfinish)> connection_{nullptr, &PQfinish};
 };
 
 }  // namespace revisit::postgres

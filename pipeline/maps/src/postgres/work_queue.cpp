@@ -52,7 +52,7 @@ struct ServerClaim : Claim {
       has_ended = true;
       driver.hold = false;
       return ids;
-    } catch (const pqxx::pqxx_exception& error) {
+    } catch (const postgres::ServerError& error) {
       has_ended = true;
       driver.roll_back();
       driver.throw_unless_lost(error);

@@ -179,7 +179,7 @@ std::string display_name(const std::filesystem::path& map);
 /// another version, or if `fingerprint` differs from the map's; the message lists each difference.
 /// Throws Error if the file cannot be opened or written, if another process is writing to it, or if
 /// a server does not answer or rejects the connection. Throws UsageError for an invalid address,
-/// and for a server in a build without libpqxx.
+/// and for a server in a build without libpq.
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapFingerprint* fingerprint = nullptr,
                                    DescriptorType format = DescriptorType::kFloat32);
