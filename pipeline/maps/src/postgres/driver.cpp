@@ -159,7 +159,7 @@ void PostgresDriver::run_transaction(Locking locking, const std::function<void()
             "excluded.transactions",
             {id_, transactions_});
     }
-    execute("COMMIT");
+    if (!hold) execute("COMMIT");
   } catch (...) {
     roll_back();
     throw;
@@ -250,17 +250,19 @@ std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess
                                              const MapFingerprint* fingerprint,
                                              DescriptorType format) {
   auto driver = std::make_unique<postgres::PostgresDriver>(postgres::parse_address(where));
-  const auto count = [&](const char* sql) {
-    return driver->integer(sql, {driver->map()}).value_or(0);
+  const std::string schema = str("\"", driver->map(), "\"");
+  const auto finds = [&](const char* sql) {
+    return driver->integer(sql, {driver->map()}).has_value();
   };
   bool exists = false;
   const auto look = [&] {
-    exists =
-        count("SELECT count(*) FROM pg_tables WHERE schemaname = $1 AND tablename = 'map'") > 0;
-    // Without this privilege the server would report missing tables.
-    if (exists && count("SELECT has_schema_privilege($1, 'USAGE')::int") == 0)
-      throw Error(driver->name(), ": the server denies access: no right to use the schema ",
-                  driver->map(), "; grant it to this user, or use another");
+    exists = finds("SELECT 1 FROM pg_tables WHERE schemaname = $1 AND tablename = 'map'");
+    if (!exists) return;
+    // With the schema's name: without the right to use it, the server would not find the table.
+    const auto version = driver->integer(str("SELECT version FROM ", schema, ".map WHERE id = 1"));
+    if (version && *version != kMapVersion)
+      throw InputError(driver->name(), ": map version ", *version, " (expected ", kMapVersion,
+                       "); build the map again, or use another revisit");
   };
   driver->transaction(Locking::kReads, look);
   if (!exists && (fingerprint == nullptr || access == MapAccess::kRead))
@@ -270,21 +272,14 @@ std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess
       driver->execute(str("SELECT pg_advisory_xact_lock(", kApplicationId, ")"));
       look();  // another process may have created it meanwhile
       if (exists) return;
-      if (count("SELECT count(*) FROM pg_class WHERE relnamespace = "
-                "to_regnamespace(quote_ident($1))") > 0)
+      if (finds("SELECT 1 FROM pg_class WHERE relnamespace = to_regnamespace(quote_ident($1))"))
         throw InputError(driver->name(), ": the schema ", driver->map(),
                          " has tables, but not a map; use another map=NAME");
-      driver->execute(str("CREATE SCHEMA IF NOT EXISTS \"", driver->map(), "\""));
+      driver->execute("CREATE SCHEMA IF NOT EXISTS " + schema);
       create_tables(*driver, {.fingerprint = *fingerprint, .format = format});
       for (const char* table : kTablesOfServer) driver->execute(table);
     });
   if (access == MapAccess::kNew && exists) throw InputError(driver->name(), ": already exists");
-  driver->transaction(Locking::kReads, [&] {
-    if (const auto version = driver->integer("SELECT version FROM map WHERE id = 1");
-        version && *version != kMapVersion)
-      throw InputError(driver->name(), ": map version ", *version, " (expected ", kMapVersion,
-                       "); build the map again, or use another revisit");
-  });
   return driver;
 }
 

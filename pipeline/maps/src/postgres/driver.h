@@ -45,7 +45,8 @@ class PostgresDriver : public SqlDriver {
   /// Ends the transaction of `hold`, or one that has failed.
   void roll_back();
 
-  /// True while a transaction begun by execute("BEGIN") lasts; transaction() takes part in it.
+  /// Set by the work of a transaction that shall last until COMMIT or roll_back(). transaction()
+  /// takes part in it.
   bool hold = false;
 
  private:

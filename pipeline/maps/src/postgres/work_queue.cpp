@@ -10,13 +10,6 @@ namespace {
 
 using postgres::PostgresDriver;
 
-void check_entries_of(const Claim& claim, std::span<const MapEntry> entries) {
-  for (const MapEntry& entry : entries)
-    if (entry.drive != claim.drive || std::ranges::count(claim.frames, entry.frame) == 0)
-      throw UsageError("frame ", entry.frame, " of drive '", entry.drive,
-                       "' is not in this claim, of drive '", claim.drive, "'");
-}
-
 /// Its transaction holds the claimed rows of `expected`; the server releases them when the
 /// connection ends.
 struct ServerClaim : Claim {
@@ -28,16 +21,13 @@ struct ServerClaim : Claim {
   /// Does not retry after a lost connection, because other processes can then claim the frames.
   std::vector<int64_t> add(std::span<const MapEntry> entries, int64_t revision) override {
     if (has_ended) throw UsageError("this claim has ended");
-    check_entries_of(*this, entries);
+    for (const MapEntry& entry : entries)
+      if (entry.drive != drive || std::ranges::count(frames, entry.frame) == 0)
+        throw UsageError("frame ", entry.frame, " of drive '", entry.drive,
+                         "' is not in this claim, of drive '", drive, "'");
     try {
       driver.execute("SAVEPOINT adding");
-      std::vector<int64_t> ids;
-      try {
-        ids = store.add(entries, revision);
-      } catch (const Error&) {
-        driver.execute("ROLLBACK TO adding");
-        throw;
-      }
+      std::vector<int64_t> ids = store.add(entries, revision);
       if (ids.size() < entries.size()) {
         driver.execute("ROLLBACK TO adding");  // releases the lock, but not the claim
         return ids;
@@ -91,19 +81,13 @@ class ServerWork : public WorkQueue {
     if (most < 1) throw UsageError("a claim of ", most, " scans: expected at least 1");
     must_have_no_claim();
     std::vector<int64_t> frames;
-    driver_.retry([&] {
+    driver_.transaction(Locking::kWrites, [&] {
       frames.clear();
-      driver_.execute("BEGIN");
-      driver_.hold = true;
-      try {
-        driver_.execute(
-            "SELECT frame FROM expected WHERE drive = $1 AND entry IS NULL AND error IS NULL ORDER "
-            "BY frame LIMIT $2 FOR UPDATE SKIP LOCKED",
-            {drive, most}, [&](const SqlRow& row) { frames.push_back(row.integer(0)); });
-      } catch (...) {
-        driver_.roll_back();
-        throw;
-      }
+      driver_.execute(
+          "SELECT frame FROM expected WHERE drive = $1 AND entry IS NULL AND error IS NULL ORDER "
+          "BY frame LIMIT $2 FOR UPDATE SKIP LOCKED",
+          {drive, most}, [&](const SqlRow& row) { frames.push_back(row.integer(0)); });
+      driver_.hold = true;  // until the claim ends
     });
     auto claim = std::make_unique<ServerClaim>(map_, driver_);
     claim->drive = drive;
