@@ -27,40 +27,37 @@ constexpr int kPageSize = 4096;
 
 /// For a reader that cannot write beside the file, which no process may change meanwhile.
 std::string immutable_uri(const fs::path& path) {
-  std::string uri = "file://";
-  for (const char c : path.string()) {
-    if (c == '%' || c == '?' || c == '#')
-      uri += c == '%' ? "%25" : c == '?' ? "%3f" : "%23";
-    else
+  std::string uri = "file:";
+  for (const unsigned char byte : path.string())
+    for (const char c : {'%', "0123456789abcdef"[byte >> 4], "0123456789abcdef"[byte & 15]})
       uri += c;
-  }
   return uri + "?immutable=1";
 }
 
 }  // namespace
 
-WriterLock::WriterLock(const std::filesystem::path& map, const std::string& name)
-    : file_(map.string() + "-writer") {
+std::shared_ptr<const int> lock_writer(const fs::path& map, const std::string& name) {
   check_target(map);
+  const fs::path file = map.string() + "-writer";
   while (true) {
-    descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (descriptor_ < 0)
-      throw Error(name, ": cannot be written: ", file_.filename().string(), ": ",
+    const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    if (descriptor < 0)
+      throw Error(name, ": cannot be written: ", file.filename().string(), ": ",
                   std::strerror(errno));
-    const bool locked = ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0;
-    if (locked && is_named(descriptor_, file_)) return;  // a writer that ends removes it
+    const bool is_locked = ::flock(descriptor, LOCK_EX | LOCK_NB) == 0;
     const int reason = errno;
-    ::close(descriptor_);
-    if (locked) continue;
+    if (is_locked && is_named(descriptor, file))  // a writer that ends removes it
+      return {new int(descriptor), [file](const int* held) {
+                ::unlink(file.c_str());
+                ::close(*held);
+                delete held;
+              }};
+    ::close(descriptor);
+    if (is_locked) continue;
     if (reason == EWOULDBLOCK)
       throw Error(name, ": another process is writing to this map; wait for it to end");
     throw Error(name, ": cannot be locked: ", std::strerror(reason));
   }
-}
-
-WriterLock::~WriterLock() {
-  ::unlink(file_.c_str());
-  ::close(descriptor_);
 }
 
 MapFile::MapFile(const fs::path& file) : name_(file.string()) {
@@ -164,7 +161,7 @@ std::unique_ptr<SqlDriver> MapFile::open_for_reading() const {
   return driver;
 }
 
-std::unique_ptr<SqlDriver> MapFile::open_for_writing(std::unique_ptr<WriterLock> lock) const {
+std::unique_ptr<SqlDriver> MapFile::open_for_writing(std::shared_ptr<const int> lock) const {
   auto driver =
       std::make_unique<SqliteDriver>(path_, SQLITE_OPEN_READWRITE, name_, std::move(lock));
   if (sqlite3_db_readonly(driver->handle(), nullptr) != 0) driver->fail(SQLITE_READONLY);

@@ -12,20 +12,11 @@ namespace revisit {
 
 class SqliteDriver;
 
-/// Lock of the only writer of a map, on FILE-writer; ends with the process. SQLite's own lock lasts
-/// for one transaction; a lock on the map itself would release SQLite's locks when closed.
-class WriterLock {
- public:
-  /// Throws Error if there is another writer, or no permission.
-  WriterLock(const std::filesystem::path& map, const std::string& name);
-  ~WriterLock();
-  WriterLock(const WriterLock&) = delete;
-  WriterLock& operator=(const WriterLock&) = delete;
-
- private:
-  std::filesystem::path file_;
-  int descriptor_ = -1;
-};
+/// Makes this process the only writer of a map, until the result or the process ends, by a lock on
+/// FILE-writer, whose descriptor it returns. SQLite's own lock lasts for one transaction; a lock on
+/// the map itself would release SQLite's locks when closed. Throws Error if there is another
+/// writer, or no permission.
+std::shared_ptr<const int> lock_writer(const std::filesystem::path& map, const std::string& name);
 
 /// File of a map and the files beside it, which SQLite uses: FILE-wal and FILE-shm.
 class MapFile {
@@ -49,11 +40,11 @@ class MapFile {
   /// Creates the file atomically, so that SQLite never creates a journal.
   void make(const MapHeader& header) const;
 
-  std::unique_ptr<WriterLock> lock() const { return std::make_unique<WriterLock>(path_, name_); }
+  std::shared_ptr<const int> lock() const { return lock_writer(path_, name_); }
   /// In a folder that cannot be written, the file is read as it is, without locks; it may then have
   /// no log.
   std::unique_ptr<SqlDriver> open_for_reading() const;
-  std::unique_ptr<SqlDriver> open_for_writing(std::unique_ptr<WriterLock> lock) const;
+  std::unique_ptr<SqlDriver> open_for_writing(std::shared_ptr<const int> lock) const;
 
  private:
   /// Rejects other versions, views, triggers and tables.

@@ -81,23 +81,6 @@ MapHeader read_header(SqlDriver& driver) {
   return *std::move(header);
 }
 
-std::string problem_of(const SqlRow& row, int64_t id, const MapHeader& header, MapEntry& entry) {
-  try {
-    return take_row(id,
-                    {.drive = std::string(row.bytes(1)),
-                     .frame = row.integer(2),
-                     .time = row.real(3),
-                     .pose = std::string(row.bytes(4)),
-                     .descriptor = std::string(row.bytes(5)),
-                     .feature = std::string(row.bytes(6)),
-                     .revision = row.integer(7),
-                     .checksum = row.integer(8)},
-                    header, entry);
-  } catch (const InputError&) {
-    return "a column has a value of another type";
-  }
-}
-
 /// Passes entries with ids in (`after`, `last`] to `take` and advances `after`; passes id and
 /// problem of each corrupt one to `report`. Returns the number of rows.
 int64_t for_each_entry(SqlDriver& driver, const MapHeader& header, int64_t& after, int64_t last,
@@ -115,7 +98,20 @@ int64_t for_each_entry(SqlDriver& driver, const MapHeader& header, int64_t& afte
           after = id;
           ++rows;
           MapEntry entry;
-          const std::string problem = problem_of(row, id, header, entry);
+          std::string problem = "a column has a value of another type";
+          try {
+            problem = take_row(id,
+                               {.drive = std::string(row.bytes(1)),
+                                .frame = row.integer(2),
+                                .time = row.real(3),
+                                .pose = std::string(row.bytes(4)),
+                                .descriptor = std::string(row.bytes(5)),
+                                .feature = std::string(row.bytes(6)),
+                                .revision = row.integer(7),
+                                .checksum = row.integer(8)},
+                               header, entry);
+          } catch (const InputError&) {
+          }
           if (problem.empty())
             take(std::move(entry));
           else

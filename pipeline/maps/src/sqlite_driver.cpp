@@ -5,7 +5,6 @@
 #include <cstring>
 #include <new>
 
-#include "map_file.h"
 #include "map_format.h"
 #include "revisit/base/error.h"
 
@@ -66,7 +65,7 @@ const SqlDialect kSqlite{.id = "INTEGER PRIMARY KEY",
                          .integrity_check = "PRAGMA integrity_check(20)"};
 
 SqliteDriver::SqliteDriver(const std::string& path, int flags, std::string name,
-                           std::unique_ptr<WriterLock> lock)
+                           std::shared_ptr<const int> lock)
     : SqlDriver(std::move(name), kSqlite), lock_(std::move(lock)), owner_(::getpid()) {
   const int code = sqlite3_open_v2(path.c_str(), &handle_, flags | SQLITE_OPEN_EXRESCODE, nullptr);
   try {

@@ -10,16 +10,15 @@
 
 namespace revisit {
 
-class WriterLock;
-
 extern const SqlDialect kSqlite;
 
 /// A database file that may be untrusted.
 class SqliteDriver : public SqlDriver {
  public:
-  /// `path` must be absolute; `flags` as for sqlite3_open_v2(). `lock`: null for a reader.
+  /// `path` must be absolute; `flags` as for sqlite3_open_v2(). `lock`: lock_writer(); null
+  /// for a reader.
   SqliteDriver(const std::string& path, int flags, std::string name,
-               std::unique_ptr<WriterLock> lock = nullptr);
+               std::shared_ptr<const int> lock = nullptr);
   ~SqliteDriver() override;
 
   void execute(const std::string& sql, const std::vector<SqlValue>& values = {},
@@ -32,7 +31,7 @@ class SqliteDriver : public SqlDriver {
  private:
   void harden();
 
-  std::unique_ptr<WriterLock> lock_;  // released after the connection
+  std::shared_ptr<const int> lock_;  // released after the connection
   sqlite3* handle_ = nullptr;
   int owner_;  // process
 };

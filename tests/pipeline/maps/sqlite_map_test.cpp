@@ -69,12 +69,12 @@ TEST(SqliteMap, HasOneWriter) {
 }
 
 /// A process may open the lock file while another one, that ends, removes it.
-TEST(WriterLock, IsHeldByOne) {
+TEST(SqliteMap, WriterLockIsHeldByOne) {
   const TempDir dir;
   std::atomic<int> inside = 0, together = 0;
   const auto compete = [&] {
     for (int won = 0; won < 100;) try {
-        const WriterLock lock(dir / "map", "map");
+        const auto lock = lock_writer(dir / "map", "map");
         if (++inside > 1) ++together;
         ++won;
         std::this_thread::yield();

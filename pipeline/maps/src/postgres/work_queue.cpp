@@ -4,6 +4,7 @@
 #include "map_format.h"
 #include "postgres_map.h"
 #include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit {
 namespace {
@@ -64,15 +65,14 @@ class ServerWork : public WorkQueue {
   void enqueue(const std::string& drive, std::span<const int64_t> frames) override {
     check_drive(drive);
     must_have_no_claim();
-    std::string numbers;
-    for (const int64_t frame : frames) numbers += str(numbers.empty() ? "" : ",", frame);
+    const std::string wanted = str("{", joined(frames, ","), "}");
     driver_.transaction(Locking::kWrites, [&] {
       driver_.execute("SELECT 1 FROM counts FOR UPDATE");  // no entries are added meanwhile
       driver_.execute(
           "INSERT INTO expected (drive, frame, entry) SELECT $1, wanted, min(entry.id) FROM "
           "unnest($2::bigint[]) AS wanted LEFT JOIN entry ON entry.drive = $1 AND entry.frame = "
           "wanted GROUP BY wanted ON CONFLICT DO NOTHING",
-          {drive, "{" + numbers + "}"});
+          {drive, wanted});
     });
   }
 
