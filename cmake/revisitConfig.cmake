@@ -32,6 +32,7 @@ macro(revisit_find_libraries component)
     find_dependency(embree 3)
   elseif("${component}" STREQUAL "maps")
     find_dependency(SQLite3)
+    find_dependency(ZLIB)
   endif()
 endmacro()
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <set>
 #include <string>
@@ -33,7 +34,7 @@ inline bool same(const MapEntry& a, const MapEntry& b) {
          a.feature == b.feature;
 }
 
-/// Values are exact in float16, too.
+/// Descriptors are exact in float16, too, features in bfloat16.
 inline MapEntry made_entry(const std::string& drive, int64_t frame) {
   MapEntry entry;
   entry.drive = drive;
@@ -46,7 +47,7 @@ inline MapEntry made_entry(const std::string& drive, int64_t frame) {
   }
   for (int64_t i = 0; i < 100; ++i)
     entry.descriptor.push_back(static_cast<float>((frame * 37 + i) % 512 - 256) / 64);
-  if (frame % 5 == 0) entry.feature = {1.0F / 3, static_cast<float>(frame), 1e30F};
+  if (frame % 5 == 0) entry.feature = {-0.25F, std::ldexp(3.0F, static_cast<int>(frame % 60)), 0x1p100F};
   if (frame % 7 == 0) entry.cloud = "points of " + std::to_string(frame);
   return entry;
 }

@@ -123,12 +123,16 @@ std::string KnownEntries::misfit_of(const MapEntry& entry) const {
 
 std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries, Claim* claim) {
   std::vector<std::vector<float>> features;
-  for (MapEntry& entry : entries) features.push_back(std::exchange(entry.feature, {}));
+  for (MapEntry& entry : entries) {
+    // Whether an entry is read back or not, before or after the warm-up.
+    if (extractor_.fit_projection) round_feature(entry.feature);
+    features.push_back(std::exchange(entry.feature, {}));
+  }
   std::vector<int64_t> ids;
   while (true) {
     for (size_t i = 0; i < entries.size(); ++i) {
       entries[i].feature = is_complete() ? std::vector<float>() : features[i];
-      entries[i].descriptor = is_complete() ? descriptor_of(features[i]) : features[i];
+      entries[i].descriptor = is_complete() ? descriptor_of(features[i]) : std::vector<float>();
     }
     ids = store(entries, claim);
     if (ids.size() == entries.size()) break;

@@ -1,10 +1,13 @@
 #include "map_format.h"
 
+#include <zlib.h>
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <new>
 #include <sstream>
 
 #include "revisit/base/error.h"
@@ -58,7 +61,66 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, DescriptorTyp
   return bytes_of_numbers(halves.data(), halves.size());
 }
 
+using BFloat16 = Eigen::bfloat16;
+
+/// Number of values, uint32, then the deflated bytes: first all high, then all low ones. Many
+/// values of ring descriptors are 0, and their high bytes repeat.
+std::string feature_bytes(const std::vector<float>& feature, const std::string& of) {
+  const size_t n = feature.size();
+  if (n == 0) return "";
+  if (n > kMaxFeature)
+    throw UsageError(of, " has ", n, " dimensions, more than the limit of ", kMaxFeature);
+  std::vector<uint8_t> bytes(2 * n);
+  for (size_t i = 0; i < n; ++i) {
+    const BFloat16 number(feature[i]);
+    if (!(Eigen::numext::isfinite)(number))
+      throw UsageError(of, " has numbers that are not finite: ", feature[i]);
+    const auto bits = Eigen::numext::bit_cast<uint16_t>(number);
+    bytes[i] = static_cast<uint8_t>(bits >> 8);
+    bytes[n + i] = static_cast<uint8_t>(bits & 0xFF);
+  }
+  uLongf size = compressBound(bytes.size());
+  std::string result(sizeof(uint32_t) + size, '\0');
+  const auto count = static_cast<uint32_t>(n);
+  std::memcpy(result.data(), &count, sizeof(count));
+  constexpr int kLevel = 4;  // higher ones take twice the time for 3 % less
+  if (compress2(reinterpret_cast<Bytef*>(&result[sizeof(count)]), &size, bytes.data(), bytes.size(),
+                kLevel) != Z_OK)
+    throw std::bad_alloc();
+  result.resize(sizeof(count) + size);
+  return result;
+}
+
+/// Reads feature_bytes(), of a map with this fingerprint. Empty for others.
+std::optional<std::vector<float>> feature_from(std::string_view bytes,
+                                               const MapFingerprint& fingerprint) {
+  std::vector<float> feature;
+  if (bytes.empty()) return feature;
+  uint32_t n = 0;
+  if (bytes.size() <= sizeof(n)) return std::nullopt;
+  std::memcpy(&n, bytes.data(), sizeof(n));
+  bytes.remove_prefix(sizeof(n));
+  // Before memory is allocated: a reader keeps all features of the warm-up.
+  const auto dimensions = fingerprint.find(kFeatureDimensions);
+  if (n > kMaxFeature || (dimensions != fingerprint.end() && dimensions->second != str(n)))
+    return std::nullopt;
+  std::vector<uint8_t> halves(2 * size_t{n});
+  uLongf size = halves.size();
+  if (uncompress(halves.data(), &size, reinterpret_cast<const Bytef*>(bytes.data()),
+                 bytes.size()) != Z_OK ||
+      size != halves.size())
+    return std::nullopt;
+  feature.resize(n);
+  for (size_t i = 0; i < n; ++i)
+    feature[i] = std::bit_cast<float>(uint32_t{halves[i]} << 24 | uint32_t{halves[n + i]} << 16);
+  return feature;
+}
+
 }  // namespace
+
+void round_feature(std::span<float> feature) {
+  for (float& number : feature) number = static_cast<float>(BFloat16(number));
+}
 
 std::string text_of(const MapFingerprint& fingerprint) {
   std::string text;
@@ -139,7 +201,7 @@ EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number) 
     row.pose = bytes_of_numbers(numbers.data(), 12);
   }
   row.descriptor = descriptor_bytes(entry.descriptor, format, of + ": its descriptor");
-  row.feature = float32_bytes(entry.feature, of + ": its feature");
+  row.feature = feature_bytes(entry.feature, of + ": its feature");
   const size_t bytes = row.descriptor.size() + row.feature.size() + entry.drive.size();
   if (bytes > kMaxBytes - 1000)
     throw UsageError(of, " has ", bytes, " bytes, more than the limit of 256 MB");
@@ -166,8 +228,10 @@ std::string take_row(int64_t id, const EntryRow& row, const MapHeader& header, M
 
   // Checksums do not protect against untrusted files.
   if (row.descriptor.size() % static_cast<size_t>(bytes_of(header.format)) != 0 ||
-      row.feature.size() % 4 != 0 || (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))
+      (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))
     return "its columns have impossible lengths";
+  std::optional<std::vector<float>> feature = feature_from(row.feature, header.fingerprint);
+  if (!feature) return "its feature is corrupt or has other dimensions";
   entry = {.id = id, .drive = row.drive, .frame = row.frame, .time = row.time};
   if (!row.pose.empty()) {
     const std::vector<double> numbers = numbers_of<double>(row.pose);
@@ -180,7 +244,7 @@ std::string take_row(int64_t id, const EntryRow& row, const MapHeader& header, M
   } else {
     entry.descriptor = numbers_of<float>(row.descriptor);
   }
-  entry.feature = numbers_of<float>(row.feature);
+  entry.feature = *std::move(feature);
   if (!std::isfinite(entry.time.value_or(0)) || (entry.pose && !entry.pose->matrix().allFinite()) ||
       !all_finite(entry.descriptor) || !all_finite(entry.feature))
     return "it has numbers that are not finite";

@@ -83,7 +83,7 @@ struct EntryRow {
   std::optional<double> time;
   std::string pose;        // "", or 12 float64 [3][4]
   std::string descriptor;  // float32 or float16
-  std::string feature;     // float32
+  std::string feature;     // bfloat16, deflated
   int64_t revision = 0, checksum = 0;
 };
 
@@ -93,6 +93,11 @@ EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number);
 int64_t checksum_of(int64_t id, const EntryRow& row);
 /// Returns "", or the problem of the row.
 std::string take_row(int64_t id, const EntryRow& row, const MapHeader& header, MapEntry& entry);
+
+/// Maximum dimensions of a feature, so that a small row of an untrusted map takes at most 64 MB.
+inline constexpr uint32_t kMaxFeature = 1 << 24;
+/// Rounds to the values that are read back, bfloat16.
+void round_feature(std::span<float> feature);
 
 /// Throws UsageError for a name with a zero byte, at which a server would truncate it.
 void check_drive(const std::string& drive, const std::string& of = "");

@@ -264,7 +264,8 @@ int64_t MapStore::size() const {
 
 std::optional<int64_t> MapStore::dimensions() const {
   return driver_->run(Locking::kReads, [&]() -> std::optional<int64_t> {
-    const auto bytes = driver_->integer("SELECT length(descriptor) FROM entry LIMIT 1");
+    const auto bytes = driver_->integer(
+        "SELECT length(descriptor) FROM entry WHERE length(descriptor) > 0 LIMIT 1");
     if (!bytes) return std::nullopt;
     return *bytes / bytes_of(descriptor_type_);
   });
@@ -396,7 +397,7 @@ bool MapStore::replace_descriptors(
     const std::function<std::vector<float>(const MapEntry&)>& descriptor_of,
     const std::map<std::string, std::string>& values, int64_t revision) {
   must_be_writer();
-  return driver_->run(Locking::kWrites, [&] {
+  const bool is_replaced = driver_->run(Locking::kWrites, [&] {
     const int64_t last = lock_counts(*driver_).entries;
     MapHeader header = read_header(*driver_);
     if (header.revision != revision) return false;
@@ -415,6 +416,11 @@ bool MapStore::replace_descriptors(
     driver_->notify();
     return true;
   });
+  if (is_replaced && driver_->dialect.give_back_space != nullptr) try {
+      driver_->execute(driver_->dialect.give_back_space);
+    } catch (const Error&) {  // later entries use the space
+    }
+  return is_replaced;
 }
 
 }  // namespace revisit

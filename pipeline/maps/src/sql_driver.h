@@ -53,6 +53,7 @@ struct SqlDialect {
   /// Locks the rows of a SELECT until the commit; "" where a writer locks the whole map.
   const char* for_update;
   const char* integrity_check;  // statement whose rows are problems, or "ok"; null: none
+  const char* give_back_space;  // statement outside of transactions; null: done by the server
 };
 
 enum class Locking { kReads, kWrites };

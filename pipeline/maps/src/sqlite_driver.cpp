@@ -62,7 +62,8 @@ const SqlDialect kSqlite{.id = "INTEGER PRIMARY KEY",
                          .blob = "BLOB",
                          .for_update = "",
                          // Beyond the tables: free pages and inner pages of the trees.
-                         .integrity_check = "PRAGMA integrity_check(20)"};
+                         .integrity_check = "PRAGMA integrity_check(20)",
+                         .give_back_space = "VACUUM"};
 
 SqliteDriver::SqliteDriver(const std::string& path, int flags, std::string name,
                            std::shared_ptr<const int> lock)
@@ -97,7 +98,7 @@ void SqliteDriver::harden() {
   sqlite3_limit(handle_, SQLITE_LIMIT_EXPR_DEPTH, 10);
   sqlite3_limit(handle_, SQLITE_LIMIT_COMPOUND_SELECT, 3);
   sqlite3_limit(handle_, SQLITE_LIMIT_VDBE_OP, 25'000);
-  sqlite3_limit(handle_, SQLITE_LIMIT_ATTACHED, 0);
+  sqlite3_limit(handle_, SQLITE_LIMIT_ATTACHED, 1);  // VACUUM attaches a copy
   execute("PRAGMA cell_size_check = ON");
 }
 

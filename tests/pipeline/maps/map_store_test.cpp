@@ -615,7 +615,7 @@ TEST(MapFormat, ChecksumsNeverChange) {
     return checksum_of(id, entry_row(entry, DescriptorType::kFloat32, 1));
   };
   EXPECT_EQ(checksum(1, bare), -8513214115871854599);
-  EXPECT_EQ(checksum(2, whole), 776762402370247915);
+  EXPECT_EQ(checksum(2, whole), 7509114814297657874);
 }
 
 TEST(MapFormat, RejectsInvalidRowsWithValidChecksums) {
@@ -633,7 +633,6 @@ TEST(MapFormat, RejectsInvalidRowsWithValidChecksums) {
   EXPECT_EQ(problem_of([](EntryRow&) {}), "");
   for (const auto& change : std::vector<std::function<void(EntryRow&)>>{
            [&](EntryRow& row) { set_nan(row.descriptor, 0.0F); },
-           [&](EntryRow& row) { set_nan(row.feature, 0.0F); },
            [&](EntryRow& row) { set_nan(row.pose, 0.0); },
            [](EntryRow& row) { row.time = -INFINITY; }})
     EXPECT_EQ(problem_of(change), "it has numbers that are not finite");
@@ -641,6 +640,15 @@ TEST(MapFormat, RejectsInvalidRowsWithValidChecksums) {
             "the name of its drive has a zero byte");
   EXPECT_EQ(problem_of([](EntryRow& row) { row.descriptor.pop_back(); }),
             "its columns have impossible lengths");
+  const auto set_length = [](EntryRow& row, uint32_t length) {
+    std::memcpy(row.feature.data(), &length, sizeof(length));
+  };
+  for (const auto& change : std::vector<std::function<void(EntryRow&)>>{
+           [&](EntryRow& row) { set_length(row, 0xFFFFFFFF); },
+           [&](EntryRow& row) { set_length(row, 2); }, [&](EntryRow& row) { set_length(row, 4); },
+           [](EntryRow& row) { row.feature.pop_back(); },
+           [](EntryRow& row) { row.feature = "\1"; }})
+    EXPECT_EQ(problem_of(change), "its feature is corrupt or has other dimensions");
   EXPECT_EQ(problem_of([](EntryRow& row) { row.revision = 1; }),
             "it is older than the map's other descriptors");
 }

@@ -34,6 +34,18 @@ void expect_rejected_map(const fs::path& file, std::initializer_list<std::string
     expect_error<InputError>([&] { open_map(file, access); }, parts);
 }
 
+TEST(SqliteMap, GivesBackTheSpaceOfFeatures) {
+  const TempDir dir;
+  const fs::path file = dir / "a.map";
+  MapEntry entry;
+  for (int i = 0; i < 10'000; ++i) entry.feature.push_back(std::sin(static_cast<float>(i * i)));
+  writer_of(file)->add(std::vector(20, entry));
+  EXPECT_LT(fs::file_size(file), 20U * 20'000);
+  writer_of(file)->replace_descriptors([](const MapEntry&) { return std::vector<float>{1}; }, {},
+                                       0);
+  EXPECT_LT(fs::file_size(file), 50'000);
+}
+
 TEST(SqliteMap, HasOneWriter) {
   const TempDir dir;
   const mode_t mask = ::umask(0);

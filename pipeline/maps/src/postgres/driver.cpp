@@ -18,7 +18,8 @@ const SqlDialect kPostgres{.id = "BIGINT PRIMARY KEY",
                            .real = "FLOAT8",
                            .blob = "BYTEA",
                            .for_update = " FOR UPDATE",
-                           .integrity_check = nullptr};
+                           .integrity_check = nullptr,
+                           .give_back_space = nullptr};
 
 /// Table `expected`: frames of WorkQueue::enqueue(), pending without entry and error. Table
 /// `writer`: number of transactions that a process has committed.

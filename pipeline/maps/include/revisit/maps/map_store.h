@@ -24,15 +24,16 @@ struct MapEntry {
   std::optional<double> time;             // [s]
   std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
   std::vector<float> descriptor;
-  std::vector<float> feature;  // source of the descriptor; empty once the projection is fixed
-  std::string cloud;           // compact_cloud(); "": none. Read by MapStore::cloud()
+  /// Source of the descriptor, which is empty during the warm-up; empty after it.
+  std::vector<float> feature;
+  std::string cloud;  // compact_cloud(); "": none. Read by MapStore::cloud()
 };
 
 /// Settings that define a map's descriptors, name -> value: {"feature", "ring"}, ...
 using MapFingerprint = std::map<std::string, std::string>;
 
-/// Storage format of descriptors; features are always float32. float16 rounds by at most 2^-11
-/// relative or 2^-25 absolute, whichever is larger, and holds magnitudes below 65520.
+/// Storage format of descriptors; features are bfloat16, within 2^-9. float16 rounds by at most
+/// 2^-11 relative or 2^-25 absolute, whichever is larger, and holds magnitudes below 65520.
 enum class DescriptorType { kFloat32, kFloat16 };
 /// Returns "float32" or "float16".
 const char* name_of(DescriptorType type);
@@ -86,7 +87,7 @@ class MapStore {
   DescriptorType descriptor_type() const { return descriptor_type_; }
   /// Number of entries, without the removed ones.
   int64_t size() const;
-  /// Dimensions of the stored descriptors; absent without entries.
+  /// Dimensions of the stored descriptors; absent during the warm-up.
   std::optional<int64_t> dimensions() const;
 
   /// Named bytes beside the entries. Throws InputError if they are corrupt.
