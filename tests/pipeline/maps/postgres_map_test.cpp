@@ -29,21 +29,6 @@ class PostgresMap : public ::testing::Test {
   }
   std::unique_ptr<WorkQueue> work() { return open_work_queue(server_->url("town")); }
   std::unique_ptr<MapStore> reader() { return open_map(server_->url("town"), MapAccess::kRead); }
-  /// A thread per drive, that adds its frames 1 to `frames` one by one and counts them.
-  std::vector<std::thread> robots(std::initializer_list<const char*> drives, int64_t frames,
-                                  std::atomic<int64_t>& changes) {
-    std::vector<std::thread> threads;
-    for (const char* drive : drives)
-      threads.emplace_back([this, drive, frames, &changes] {
-        const auto map = writer();
-        for (int64_t frame = 1; frame <= frames; ++frame) {
-          const MapEntry entry = made_entry(drive, frame);
-          EXPECT_EQ(map->add({&entry, 1}).size(), 1);
-          ++changes;
-        }
-      });
-    return threads;
-  }
   void restart() {
     server_->kill();
     server_->start();
@@ -103,56 +88,35 @@ TEST_F(PostgresMap, NamesRemediesAndNeverThePassword) {
   ::close(silent);
 }
 
-TEST_F(PostgresMap, NotifiesReadersOfConcurrentWriters) {
-  writer();
-  const auto watcher = reader();
-  read_all(*watcher);
-  EXPECT_FALSE(watcher->has_updates());
-  std::atomic<int64_t> added = 0;
-  std::vector<std::thread> adding = robots({"a", "b", "c"}, 40, added);
-  // A reader that refreshes on notifications misses no entry.
-  int64_t last = 0;
-  while (last < 120) {
-    ASSERT_TRUE(gets_updates(*watcher));
-    const ReadMap read = read_all(*watcher, last);
-    for (const MapEntry& entry : read.entries) ASSERT_EQ(entry.id, ++last);
-  }
-  for (std::thread& robot : adding) robot.join();
-  EXPECT_EQ(frames_of(*watcher).size(), 3);
-
-  const auto map = writer();
-  read_all(*map);
-  const MapEntry entry = made_entry("d", 1);
-  const auto begin = std::chrono::steady_clock::now();
-  for (int i = 0; i < 100; ++i) map->add({&entry, 1});
-  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
-  RecordProperty("added_per_second", static_cast<int>(100 / taken.count()));
-  EXPECT_FALSE(map->has_updates());  // not for its own changes
-}
-
+/// A reader that refreshes on notifications misses no entry.
 TEST_F(PostgresMap, KeepsEachChangeOnceAfterAKilledServer) {
   constexpr int64_t kFrames = 120;
   writer()->add(made_entries(1, kFrames));
-  std::atomic<int64_t> changes = 0;
-  std::vector<std::thread> threads = robots({"a", "b"}, kFrames, changes);
-  threads.emplace_back([&] {
-    const auto map = writer();
-    for (int64_t id = 1; id <= kFrames; ++id) {
-      EXPECT_EQ(map->remove({&id, 1}), 1) << id;
-      ++changes;
-    }
-  });
   const auto watcher = reader();
-  for (int kill = 1; kill <= 3; ++kill) {
-    while (changes < kill * 90) std::this_thread::sleep_for(milliseconds(1));
+  int64_t last = read_all(*watcher).state.last;
+  EXPECT_FALSE(watcher->has_updates());
+  std::atomic<int64_t> changes = 0;
+  std::vector<std::thread> threads;
+  for (const char* drive : {"a", "b", "removes"})
+    threads.emplace_back([this, drive, &changes] {
+      const auto map = writer();
+      for (int64_t i = 1; i <= kFrames; ++i) {
+        const MapEntry entry = made_entry(drive, i);
+        EXPECT_EQ(*drive == 'r' ? map->remove({&i, 1}) : map->add({&entry, 1}).size(), 1);
+        ++changes;
+      }
+    });
+  for (int kill = 1; kill <= 4; ++kill) {
+    while (changes < kill * kFrames * 3 / 4) {
+      ASSERT_TRUE(gets_updates(*watcher));
+      for (const MapEntry& entry : read_all(*watcher, last).entries) ASSERT_EQ(entry.id, ++last);
+    }
     if (kill == 2)  // connections only
       server_->execute(
           "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() "
           "AND backend_type = 'client backend'");
-    else
+    else if (kill < 4)
       restart();
-    EXPECT_GT(watcher->size(), 0);
-    EXPECT_TRUE(watcher->has_updates());
   }
   for (std::thread& robot : threads) robot.join();
   auto frames = frames_of(*watcher);
@@ -182,7 +146,9 @@ TEST_F(PostgresMap, ClaimsEndWithTheirConnection) {
   const auto map = writer();
   const auto a = work(), b = work();
   const MapEntry there = made_entry("x", 3);
+  read_all(*map);
   map->add({&there, 1});
+  EXPECT_FALSE(map->has_updates());  // not for its own changes
   const std::vector<int64_t> frames = frames_to(10);
   a->enqueue("x", frames);
   b->enqueue("x", frames);
@@ -329,24 +295,15 @@ TEST_F(PostgresMap, RecognizersShareEntries) {
   // Robots alternate, during and after the warm-up; each knows the indices of its own entries.
   for (int64_t frame = 0; frame < 40; ++frame) {
     const Description scan = scan_at(*a, frame);
-    const int64_t in_a = a->add(scan, {.drive = "a", .frame = frame});
-    EXPECT_EQ(in_a, 2 * frame);
-    for (int tries = 0; b->size() <= in_a && tries < 5000; ++tries) {
+    EXPECT_EQ(a->add(scan, {.drive = "a", .frame = frame}), 2 * frame);
+    for (int tries = 0; b->size() <= 2 * frame && tries < 5000; ++tries) {
       b->refresh_if_updated();
       std::this_thread::sleep_for(milliseconds(1));
     }
-    if (frame > 3) {
-      const auto seen = b->query(scan);
-      ASSERT_TRUE(seen);
-      EXPECT_EQ(seen->drive, "a");
-      EXPECT_EQ(seen->frame, frame);
-      EXPECT_EQ(seen->index, in_a);
-    }
-    const int64_t own[] = {in_a};
+    const auto seen = b->query(scan);
+    EXPECT_TRUE(frame < 4 || (seen && seen->drive == "a" && seen->index == 2 * frame));
     EXPECT_EQ(b->add(scan_at(*b, 1000 + frame), {.drive = "b", .frame = 1000 + frame}),
               2 * frame + 1);
-    const auto other = b->query(scan, own);
-    EXPECT_TRUE(!other || other->index != in_a);
   }
   EXPECT_EQ(b->size(), 80);
   // A third robot, which was offline, adds a batch beyond the end of the warm-up.
@@ -358,11 +315,8 @@ TEST_F(PostgresMap, RecognizersShareEntries) {
       for (int64_t frame = 100 * r; frame < 100 * r + 25; ++frame) {
         const Description scan = scan_at(*one, frame);
         const int64_t index = one->add(scan, {.frame = frame});
-        if (frame % 100 < 4) continue;
         const auto found = one->query(scan);
-        ASSERT_TRUE(found);
-        EXPECT_EQ(found->frame, frame);
-        EXPECT_EQ(found->index, index);
+        EXPECT_TRUE(frame % 100 < 4 || (found && found->index == index));
       }
     });
   for (std::thread& one : robots) one.join();
