@@ -24,19 +24,15 @@ FloatMatrix descriptors(int64_t n, int64_t d) {
   return all;
 }
 
-PlaceIndex index_of(const FloatMatrix& all, int64_t n) {
-  PlaceIndex index(all.d);
-  for (int64_t i = 0; i < n; ++i) index.add(all.row(i));
-  return index;
-}
-
 TEST(LargeMaps, HnswFindsNearlyAll) {
   constexpr int64_t kBuilt = 2000, kAll = 2300;
   const FloatMatrix all = descriptors(kAll, 43);
-  const PlaceIndex exact = index_of(all, kAll);
-  PlaceIndex index = index_of(all, kBuilt);
-  index.set_candidate_source(make_hnsw_source(index), 100);
-  for (int64_t i = kBuilt; i < kAll; ++i) index.add(all.row(i));
+  PlaceIndex exact(all.d), index(all.d);
+  for (int64_t i = 0; i < kAll; ++i) {
+    exact.add(all.row(i));
+    index.add(all.row(i));
+    if (i + 1 == kBuilt) index.set_candidate_source(make_hnsw_source(index), 100);
+  }
   const std::vector<CandidateRange> candidates = {{0, 1000}, {1003, kAll}};
   std::vector<Match> expected, found;
   for (int64_t q = 0; q < kAll; q += 23) {

@@ -7,7 +7,6 @@
 #include "coordinates.h"
 #include "map_entries.h"
 #include "postgres_server.h"
-#include "process.h"
 #include "revisit/maps/place_recognizer.h"
 #include "testing.h"
 
@@ -215,40 +214,6 @@ TEST(ServerAddress, NameHasNoPassword) {
     EXPECT_EQ(address.password, password) << where;
     EXPECT_EQ(address.name, name) << where;
   }
-}
-
-void work_on_queue(const std::string& url) {
-  const auto shared = open_work_queue(url);
-  while (shared->pending("x") > 0) try {
-      if (const auto claim = shared->claim("x", 5)) {
-        const std::vector<MapEntry> entries = entries_of(*claim);
-        ::usleep(2000);
-        claim->add(entries, 0);
-      } else {
-        ::usleep(1000);
-      }
-    } catch (const ClaimLost&) {
-    }
-}
-
-TEST_F(PostgresMap, ClaimsOfKilledWorkersGoToOthers) {
-  constexpr int64_t kFrames = 600;
-  writer();
-  work()->enqueue("x", frames_to(kFrames));
-  const auto start = [&] {
-    return std::make_unique<Process>([&] { work_on_queue(server_->url("town")); });
-  };
-  std::array workers = {start(), start()};
-  for (int kill = 0; kill < 12; ++kill) {
-    ::usleep(static_cast<useconds_t>(5000 + kill * 7919 % 20'000));
-    if (kill == 6) restart();
-    auto& one = workers.at(static_cast<size_t>(kill % 2));
-    one->kill();
-    one = start();
-  }
-  for (const auto& worker : workers) EXPECT_TRUE(worker->succeeds());
-  EXPECT_EQ(work()->pending("x"), 0);
-  EXPECT_EQ(frames_of(*reader())["x"].size(), kFrames);  // checks that none is there twice
 }
 
 Description scan_at(const PlaceRecognizer& recognizer, int64_t frame) {
