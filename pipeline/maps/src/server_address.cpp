@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <charconv>
+#include <sstream>
 #include <utility>
 
 #include "postgres_map.h"
@@ -31,36 +32,30 @@ std::chrono::milliseconds seconds(const std::string& text) {
 }  // namespace
 
 Address parse_address(const std::string& where) {
-  Address address;
   // scheme://USER:PASSWORD@HOST...; as in libpq, the password may contain any character except /
   // and @.
   const size_t user = where.find("://") + 3, stop = where.find_first_of("@/", user);
   const bool has_user = stop != std::string::npos && where[stop] == '@';
   const size_t question = where.find('?', has_user ? stop : user);
-  std::string base = where.substr(0, question);
-  address.url = address.name = base;
-  const size_t colon = base.find(':', user);
-  if (has_user && colon < stop) {
-    address.password = base.substr(colon + 1, stop - colon - 1);
+  Address address;
+  address.url = address.name = where.substr(0, question);
+  if (const size_t colon = where.find(':', user); has_user && colon < stop) {
+    address.password = where.substr(colon + 1, stop - colon - 1);
     address.name.erase(colon, stop - colon);
   }
 
+  std::istringstream parameters(question == std::string::npos ? "" : where.substr(question + 1));
+  std::string of_libpq;
   char before_name = '?';
-  std::string entries;
-  for (size_t begin = question; begin != std::string::npos && begin + 1 < where.size();) {
-    const size_t end = where.find('&', begin + 1);
-    const std::string entry = where.substr(begin + 1, end - begin - 1);
-    begin = end;
-    const size_t equals = std::min(entry.find('='), entry.size());
-    const std::string key = entry.substr(0, equals),
-                      value = entry.substr(std::min(equals + 1, entry.size()));
-    if (key == "map") {
+  for (std::string entry; std::getline(parameters, entry, '&');) {
+    const std::string key = entry.substr(0, entry.find('=')),
+                      value = entry.substr(std::min(key.size() + 1, entry.size()));
+    if (key == "map")
       check_map_name(address.map = value);
-    } else if (key == "patience") {
+    else if (key == "patience")
       address.patience = seconds(value);
-    } else {
-      entries += '&' + entry;
-    }
+    else
+      of_libpq += '&' + entry;
     if (key == "password")
       address.password = value;
     else if (key != "sslpassword")
@@ -72,7 +67,7 @@ Address parse_address(const std::string& where) {
   address.url += str("?connect_timeout=", std::max<int64_t>(2, patience),
                      "&keepalives_idle=10&keepalives_interval=5&keepalives_count=4"
                      "&tcp_user_timeout=30000",
-                     entries);
+                     of_libpq);
   return address;
 }
 
