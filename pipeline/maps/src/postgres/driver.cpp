@@ -38,7 +38,8 @@ SqlValue value_of(const PGresult* result, int row, int column) {
   const std::string_view bytes(PQgetvalue(result, row, column),
                                static_cast<size_t>(PQgetlength(result, row, column)));
   const Oid type = PQftype(result, column);
-  if (type != kInt8 && type != kInt4 && type != kInt2 && type != kFloat8) return bytes;
+  const bool is_number = type == kInt8 || type == kInt4 || type == kInt2 || type == kFloat8;
+  if (!is_number || bytes.empty() || bytes.size() > sizeof(uint64_t)) return bytes;
   uint64_t bits = 0;  // big-endian
   for (const char byte : bytes) bits = bits << 8 | static_cast<unsigned char>(byte);
   if (type == kFloat8) return std::bit_cast<double>(bits);
