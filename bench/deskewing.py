@@ -24,7 +24,7 @@ def registration_errors(data, sensor, deskew):
     errors = []
     for visit in recognize(open_recording(data).scans(), detector, deskew):
         loop = visit.found.loop
-        if loop and loop.accepted and np.linalg.norm((loop.pose - visit.scan.pose)[:3, 3]) < RADIUS:
+        if visit.found.accepted and np.linalg.norm((loop.pose - visit.scan.pose)[:3, 3]) < RADIUS:
             wrong = np.linalg.inv(np.linalg.inv(loop.pose) @ visit.scan.pose) @ visit.found.registered.T_place_query
             errors.append((np.linalg.norm(wrong[:3, 3]), np.arccos(np.clip((np.trace(wrong[:3, :3]) - 1) / 2, -1, 1))))
     return np.array(errors)

@@ -16,7 +16,7 @@
 
 #include "recall.h"
 #include "revisit/base/error.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 
 namespace {
 

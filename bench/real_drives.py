@@ -31,19 +31,19 @@ from drives import NEGATIVE_RADIUS, RADIUS, RECENT, TwoLaps, figures, open_drive
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def by_detector(drive, recognizer, verify, local_map):
+def by_detector(drive, map_, verify):
     """Answers as in `revisit loops`, with registration if `verify`, and default acceptance."""
     from revisit import LoopDetector, datasets
     answers, row, detector = [], {}, None
     for i, file in enumerate(drive.files):
         if i in drive.starts:
             exclusion = 'meters=50' if drive.poses is not None else f'frames={len(drive.files)}'  # excludes its own lap
-            detector = LoopDetector(recognizer, drive=f'lap {i}', exclusion=exclusion, verify=verify, local_map=local_map)
+            detector = LoopDetector(map_, drive=f'lap {i}', exclusion=exclusion, verify=verify)
         found = detector.take(datasets.read_scan(file), frame=i, pose=None if drive.poses is None else drive.poses[i])
         if drive.candidates[i] > 0:
             loop = found.loop
             known = detector.threshold is not None
-            answers.append((i, row[loop.index], loop.score, loop.accepted if known else None) if loop else (i, None, 0, None))
+            answers.append((i, row[loop.index], loop.score, found.accepted if known else None) if loop else (i, None, 0, None))
         if found.index is not None:
             row[found.index] = i
     return answers
@@ -95,11 +95,11 @@ def answers_of(drive, o):
     from revisit import datasets, maps, recognition
     if o.method == 'ring':
         sensor = o.sensor or recognition.choose_ring_model([datasets.read_scan(drive.files[0])[:, :3].copy()])[0]
-        recognizer = maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=sensor)
-        return by_detector(drive, recognizer, not o.no_verify, o.local_map)
+        model = recognition.read_ring_model(o.ring) if o.ring else None
+        return by_detector(drive, maps.open_map(None, sensor, model=model, local_map=o.local_map), not o.no_verify)
     feature = recognition.m2dp_features() if o.method == 'm2dp' else recognition.scan_context_features(
         recognition.ScanContextOptions(candidates=o.ring_keys))
-    return by_detector(drive, maps.PlaceRecognizer(feature), False, 0)
+    return by_detector(drive, maps.Map(extractor=feature), False)
 
 
 def perturbed(drive, o):

@@ -28,7 +28,7 @@ def main():
 
     def row(name, results):
         squares = normalized_squares(results)
-        errors = np.array([error_of(found.T_place_query, truth) for truth, found in results if found.accepted])
+        errors = np.array([error_of(found.T_place_query, truth) for truth, found in results if found.fits])
         meters, degrees = (np.median(np.linalg.norm(errors[:, part], axis=1)) for part in (slice(3), slice(3, 6)))
         print(f'{name:24}{len(results):6}{len(squares):9}{squares.mean():8.2f}{np.median(squares):8.2f}'
               f'{np.quantile(squares, 0.9):8.2f}{squares.max():9.1f}{meters:11.4f}{np.degrees(degrees):8.3f}', flush=True)

@@ -1,9 +1,8 @@
 // Loop closure front end: describes every scan, queries a map, registers the matches, and adds the
 // scan to the map, which persists.
-//   loop_closure MAP SCAN...      # scans of an HDL-64E in the order they were taken
+//   loop_closure MAP SCAN...      # in the order they were taken
 #include <revisit/datasets/scan_file.h>
 #include <revisit/loops/loop_detector.h>
-#include <revisit/recognition/ring/descriptor.h>
 
 #include <cstdio>
 #include <exception>
@@ -13,27 +12,20 @@ using namespace revisit;
 namespace {
 
 void run(int argc, char** argv) {
-  const RingModel model = shipped_ring_model("hdl64");
-  const FeatureExtractor rings = ring_recognizer(model, ring_net(model), {});
-  const RecognizerOptions options;
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, options);
-  PlaceRecognizer recognizer(rings, options, open_map(argv[1], MapAccess::kWrite, &identity));
-
-  LoopDetector detector(recognizer, {});  // target precision 0.99
+  LoopDetector detector({.map = argv[1]});  // target precision 0.99
   for (int i = 2; i < argc; ++i) {
     const PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, step}
     const Detection found = detector.take(view_of(cloud), {.frame = i - 2});
     if (!found.error.empty()) std::printf("%s: %s\n", argv[i], found.error.c_str());
-    if (!found.loop || !found.loop->accepted) continue;
+    if (!found.accepted) continue;
     std::printf("%s matches entry %ld, score %.3f, relative yaw %.1f degrees\n", argv[i],
                 static_cast<long>(found.loop->id), found.loop->score,
                 *found.loop->relative_yaw * 57.2958);
-    // Otherwise add an edge to the pose graph, with its information matrix.
-    if (!found.registered) continue;
+    // A pose graph gets an edge, with its information matrix.
     const Eigen::Vector3d t = found.registered->T_place_query.translation();
     std::printf("  %.2f m ahead of it, %.2f m to its left\n", t.x(), t.y());
   }
-  std::printf("%ld map entries\n", static_cast<long>(recognizer.size()));
+  std::printf("%ld map entries\n", static_cast<long>(detector.map().size()));
 }
 
 }  // namespace

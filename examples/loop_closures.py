@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 import revisit
-from revisit import recognition, recordings
+from revisit import recordings
 from revisit.loops import recognize
 
 
@@ -23,17 +23,15 @@ def main():
     o = parser.parse_args()
 
     recording = recordings.open_recording(o.data)
-    sensor, _ = recognition.choose_ring_model([next(recording.scans()).points()])
-    recognizer = revisit.open_map(o.map, sensor)
-    detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion, threshold=o.threshold)
+    detector = revisit.LoopDetector(o.map, exclusion=o.exclusion, threshold=o.threshold)
     print('frame,entry,match_frame,score,relative_yaw_deg')
     for scan, found, _ in recognize(recording.scans(), detector):
         if found.error:
             print(f'{scan.source}: {found.error}', file=sys.stderr)
-        elif found.loop and found.loop.accepted:
+        elif found.accepted:
             loop = found.loop
             print(f'{scan.frame},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
-    print(f'{len(recognizer)} map entries', file=sys.stderr)
+    print(f'{len(detector.map)} map entries', file=sys.stderr)
 
 
 if __name__ == '__main__':

@@ -21,7 +21,7 @@ try:
     from evo.tools.file_interface import write_tum_trajectory_file
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
-    from revisit import LoopDetector, datasets, errors, open_map, poses, program, recognition, recordings
+    from revisit import LoopDetector, datasets, errors, open_map, poses, program, recordings
     from revisit.loops import recognize
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
@@ -133,14 +133,14 @@ def main():
     if o.simulate is not None:
         program.run('simulate', '-o', o.data, '--length', o.simulate, '--every', 2, '--route', 'both')
     recording = recordings.open_recording(o.data, sequence=o.sequence)
-    sensor = o.sensor or (o.local_map and 'hdl64') or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
     odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(with_progress(recording), o.keyframe)
+    detector = LoopDetector(open_map(None, o.sensor, local_map=o.local_map), exclusion='meters=40')
     try:
-        for visit in recognize(moving, LoopDetector(open_map(None, sensor), exclusion='meters=40', local_map=o.local_map)):
+        for visit in recognize(moving, detector):
             found = visit.found
             node_of[found.index] = len(odometry.chosen) - 1
-            if found.registered and found.loop.accepted:
+            if found.accepted:
                 loops.append((node_of[found.loop.index], len(odometry.chosen) - 1, found.registered))
     except (KeyboardInterrupt, errors.InputError) as error:  # an unreadable scan, or a truncated recording
         if not odometry.chosen:

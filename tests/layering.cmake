@@ -29,7 +29,7 @@ set(owned_libraries
   "embree3/|simulator/src/ray_caster"
   "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"
-  "faiss/|pipeline/maps/src/faiss/"
+  "faiss/|pipeline/recognition/src/faiss/"
   "libpq-fe|pipeline/maps/src/postgres/"
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra.cpp"
   "lapacke|pipeline/recognition/src/linear_algebra.cpp"

@@ -12,7 +12,9 @@ sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_comm
 cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
 files=("$@")
 skipped=(':!tests/**')
-grep -q /python/src/ $build/compile_commands.json || skipped+=(':!python/**')
+for folder in python/src bench; do
+  grep -q "/$folder/" $build/compile_commands.json || skipped+=(":!${folder%%/*}/**")
+done
 [ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' "${skipped[@]}")
 printf '%s\n' "${files[@]}" |
   xargs -P "$(nproc)" -n 4 clang-tidy -p $build --quiet --extra-arg=-Wno-unknown-warning-option 2>/dev/null

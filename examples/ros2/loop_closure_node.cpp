@@ -5,7 +5,6 @@
 // frame of the matched scan's sensor, place_ID, where ID is the map entry. Only loops verified by
 // registration are published.
 #include <revisit/loops/loop_detector.h>
-#include <revisit/recognition/ring/descriptor.h>
 
 #include <geometry_msgs/msg/pose_with_covariance_stamped.hpp>
 #include <rclcpp/rclcpp.hpp>
@@ -47,19 +46,17 @@ PointCloud cloud_of(const PointCloud2& message) {
 class LoopClosureNode : public rclcpp::Node {
  public:
   LoopClosureNode() : Node("loop_closure") {
-    const RingModel model = shipped_ring_model(declare_parameter("sensor", "hdl64"));
-    const FeatureExtractor rings = ring_recognizer(model, ring_net(model), {});
-    const RecognizerOptions options;
+    const auto log = [this](const std::string& what) {
+      RCLCPP_WARN(get_logger(), "%s", what.c_str());
+    };
     const double exclusion = declare_parameter("exclusion_seconds", 30.0);
-    const std::string file = declare_parameter("map", "");
-    const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(rings, options);
-    recognizer_ = std::make_unique<PlaceRecognizer>(
-        rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &fingerprint));
+    map_.emplace(declare_parameter("map", ""),
+                 MapOptions{.sensor = declare_parameter("sensor", "")}, log);
     detector_.emplace(
-        *recognizer_,
-        LoopDetectorOptions{.drive = declare_parameter("drive", "ros"),
-                            .exclusion = {Exclusion::Kind::kSeconds, exclusion},
-                            .target_precision = declare_parameter("target_precision", 0.99)});
+        *map_, LoopDetectorOptions{.drive = declare_parameter("drive", "ros"),
+                                   .exclusion = {Exclusion::Kind::kSeconds, exclusion},
+                                   .target_precision = declare_parameter("target_precision", 0.99),
+                                   .warn = log});
     loops_ = create_publisher<Pose>("loops", 10);
     points_ = create_subscription<PointCloud2>("points", rclcpp::SensorDataQoS(),
                                                [this](PointCloud2::ConstSharedPtr m) { take(*m); });
@@ -76,8 +73,7 @@ class LoopClosureNode : public rclcpp::Node {
     }
     ++frame_;
     if (!found.error.empty()) RCLCPP_WARN(get_logger(), "%s", found.error.c_str());
-    if (found.registered && found.registered->accepted)
-      publish(message, *found.loop, *found.registered);
+    if (found.accepted) publish(message, *found.loop, *found.registered);
   }
 
   void publish(const PointCloud2& message, const Loop& loop, const Registration& r) {
@@ -103,7 +99,7 @@ class LoopClosureNode : public rclcpp::Node {
     loops_->publish(out);
   }
 
-  std::unique_ptr<PlaceRecognizer> recognizer_;
+  std::optional<Map> map_;
   std::optional<LoopDetector> detector_;
   int64_t frame_ = 0;
   rclcpp::Publisher<Pose>::SharedPtr loops_;

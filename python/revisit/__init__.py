@@ -13,6 +13,6 @@ __all__ = [
 
 if hasattr(_core, 'maps'):  # builds with REVISIT_PIPELINE=OFF have only the engine
     from revisit import datasets, evaluation, maps, recognition
-    from revisit.maps import LoopDetector, PlaceRecognizer, open_map
+    from revisit.maps import LoopDetector, Map, open_map
 
-    __all__ += ['LoopDetector', 'PlaceRecognizer', 'datasets', 'evaluation', 'maps', 'open_map', 'recognition']
+    __all__ += ['LoopDetector', 'Map', 'datasets', 'evaluation', 'maps', 'open_map', 'recognition']

@@ -24,7 +24,7 @@ def recognize(scans, detector, deskew=True):
 
     deskew: remove the motion distortion of scans with times of points, if they and the previous scan have times and poses.
     If a scan cannot be read or described, its Visit has the error. Raises UsageError if the scans lack what the exclusion
-    needs, and the exceptions of the recording and the recognizer.
+    needs, and the exceptions of the recording and the map.
     """
     before = None
     for scan in scans:

@@ -4,40 +4,30 @@ import os
 
 from revisit import recognition
 from revisit._core.maps import (
-    Description, Detection, Loop, LoopDetector, MapEntry, MapStore, PlaceRecognizer, check_map, feature_key_of, merge_maps)
+    Description, Detection, Loop, LoopDetector, Map, MapEntry, MapStore, check_map, feature_key_of, merge_maps)
 
 __all__ = [
-    'Description', 'Detection', 'Loop', 'LoopDetector', 'MapEntry', 'MapStore', 'PlaceRecognizer', 'check_map', 'feature_key_of',
+    'Description', 'Detection', 'Loop', 'LoopDetector', 'Map', 'MapEntry', 'MapStore', 'check_map', 'feature_key_of',
     'merge_maps', 'open_map']
-
-CANDIDATES = 1000
-"""Number of entries compared exactly, preselected by compact codes. Same as in `revisit loops`."""
-TARGET_PRECISION = 0.95
 
 
 def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *,
-             model: recognition.RingModel | None = None, threshold: float | None = None,
-             target_precision: float = TARGET_PRECISION, warmup: int = 128, threads: int = 1, mount: str = '',
-             local_map: float = 0) -> PlaceRecognizer:
-    """Opens a recognizer with ring descriptors and the map `file`, which is created if missing; None: no map.
+             model: recognition.RingModel | None = None, warmup: int = 128, threads: int = 1, mount: str = '',
+             local_map: float = 0) -> Map:
+    """Opens the map `file` of ring descriptors, or a server's address. It is created if missing; None: a temporary map.
 
-    sensor: of a model from recognition.shipped_ring_models(); None: that of the map, hdl64 for a new map.
+    sensor: of a model from recognition.shipped_ring_models(); None: that of the map, else the nearest to the first scan, or hdl64
+        for local maps. Map.warnings then has a message.
     model: another model, from recognition.read_ring_model().
-    threshold: minimum score of accepted loops of query(); None: the score that reaches target_precision.
-    target_precision: target fraction of accepted loops of query() that are correct, by the calibration of the map or the model.
-        LoopDetector has its own threshold and target_precision, for registered loops.
     warmup: number of scans from which the map mean is estimated.
     threads: for describing one scan.
-    local_map: must equal that of the LoopDetector [m], and be the same for all sessions of a map.
+    local_map: LoopDetector describes and registers the points of the last `local_map` meters, accumulated by the poses; 0: single
+        scans. The same for all sessions of a map.
     mount: 'roll,pitch,yaw,x,y,z' [deg, m], see recognition.parse_mount(); '': x forward, y left, z up.
     `revisit loops --map` reads and writes the same maps.
+    Raises InputError if the file is not a map, is corrupt, or has another sensor or local_map, and Error if another process
+    writes to it.
     """
-    if model is None:
-        of_map = recognition.shipped_ring_sensor(feature_key_of(file)) if file is not None and sensor is None else ''
-        model = recognition.shipped_ring_model(sensor or of_map or 'hdl64')
-    extractor = recognition.ring_recognizer(model, candidates=CANDIDATES, threads=threads)
-    store = None
-    if file is not None:
-        store = MapStore.open(file, PlaceRecognizer.fingerprint_of(extractor, local_map=local_map))
-    return PlaceRecognizer(extractor, store, threshold=threshold, target_precision=target_precision, warmup=warmup,
-                           mount=recognition.parse_mount(mount) if mount else None, local_map=local_map)
+    extractor = None if model is None else recognition.ring_recognizer(model, candidates=1000, threads=threads)  # as in C++
+    return Map(file, sensor, extractor=extractor, warmup=warmup, threads=threads, local_map=local_map,
+               mount=recognition.parse_mount(mount) if mount else None)

@@ -21,11 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 using namespace nb::literals;
 
-DescriptorType parse_dtype(const std::string& text) {
-  if (const auto type = descriptor_type_of(text)) return *type;
-  throw UsageError("dtype: expected 'float32' or 'float16', found '", text, "'");
-}
-
 std::vector<MapEntry> entries_of(OpenMap& map, int64_t after) {
   return map.with([&](const MapStore& store) {
     std::vector<MapEntry> entries;
@@ -59,26 +54,17 @@ void bind_entry(nb::module_& module) {
 }
 
 void bind_open_map(nb::module_& module) {
-  nb::class_<OpenMap>(module, "MapStore",
-                      "The entries of one map, in a file or on a server. A PlaceRecognizer takes "
-                      "ownership of the store that it is given.")
+  nb::class_<OpenMap>(module, "MapStore", "The entries of one map, in a file or on a server.")
       .def_static(
           "open",
-          [](const fs::path& file, const std::optional<MapFingerprint>& fingerprint,
-             const std::string& dtype, bool write) {
-            const DescriptorType format = parse_dtype(dtype);
-            return std::make_unique<OpenMap>(without_lock([&] {
-              return open_map(file, write || fingerprint ? MapAccess::kWrite : MapAccess::kRead,
-                              fingerprint ? &*fingerprint : nullptr, format);
-            }));
+          [](const fs::path& file, bool write) {
+            return std::make_unique<OpenMap>(without_lock(
+                [&] { return open_map(file, write ? MapAccess::kWrite : MapAccess::kRead); }));
           },
-          "file"_a, "fingerprint"_a = nb::none(), nb::kw_only(), "dtype"_a = "float32",
-          "write"_a = false,
-          "Without a fingerprint, opens an existing map for reading, or with `write` for remove(). "
-          "With one (PlaceRecognizer.fingerprint_of()), opens a map for writing and creates it if "
-          "missing.\n\n"
-          "dtype: of a new map, 'float32' or 'float16'.\n"
-          "Raises InputError if the file is not a map, is corrupt, or has another fingerprint.")
+          "file"_a, nb::kw_only(), "write"_a = false,
+          "Opens an existing map for reading, or with `write` for remove(). open_map() creates "
+          "one.\n"
+          "Raises InputError if the file is not a map or is corrupt.")
       .def_prop_ro(
           "fingerprint",
           [](OpenMap& map) {
@@ -90,7 +76,7 @@ void bind_open_map(nb::module_& module) {
           [](OpenMap& map) {
             return name_of(map.with([](const MapStore& store) { return store.descriptor_type(); }));
           },
-          nb::call_guard<Unlocked>())
+          nb::call_guard<Unlocked>(), "Type of the stored descriptors: 'float32' or 'float16'.")
       .def(
           "__len__",
           [](OpenMap& map) { return map.with([](const MapStore& store) { return store.size(); }); },

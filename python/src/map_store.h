@@ -28,36 +28,25 @@ class Messages {
   std::vector<std::string> messages_;
 };
 
-/// A thread-safe map, until a recognizer takes it. Callers must not hold the GIL, because they may
-/// wait for the mutex.
+/// A thread-safe MapStore. Callers must not hold the GIL, because they may wait for the mutex.
 class OpenMap {
  public:
   explicit OpenMap(std::unique_ptr<MapStore> store) : store_(std::move(store)) {}
   Messages messages;  // about corrupt entries
 
-  /// Calls `take(store)`, which may move from it. Throws UsageError if it was taken or closed.
-  template <class Take>
-  void give(const Take& take) {
-    const std::lock_guard lock(mutex_);
-    check();
-    take(std::move(store_));
-  }
   void close() {
     const std::lock_guard lock(mutex_);
     store_.reset();
   }
+  /// Throws UsageError if the map was closed.
   template <class Work>
   auto with(const Work& work) {
     const std::lock_guard lock(mutex_);
-    check();
+    if (!store_) throw UsageError("MapStore: the map was closed; open it again");
     return work(*store_);
   }
 
  private:
-  void check() const {
-    if (!store_)
-      throw UsageError("MapStore: the map was closed, or a PlaceRecognizer owns it; open it again");
-  }
   std::mutex mutex_;
   std::unique_ptr<MapStore> store_;
 };

@@ -83,7 +83,8 @@ void bind_registration(nb::module_& module) {
               "Fraction of the query's non-ground points that are inliers, 0 to 1.")
       .def_ro("constraint", &Registration::constraint,
               "Degeneracy measure, from 0 (unconstrained, e.g. along a corridor) to 1/3.")
-      .def_ro("accepted", &Registration::accepted);
+      .def_ro("fits", &Registration::fits,
+              "Enough of the query's points are inliers, and the pose is constrained.");
   module.def(
       "register_scans",
       [](ScanArgument query, ScanArgument place, double relative_yaw,

@@ -9,7 +9,7 @@
 #include "fuzz.h"
 #include "map_file.h"
 #include "map_tables.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/loops/loop_detector.h"
 #include "small_rings.h"
 #include "sqlite_driver.h"
 
@@ -18,10 +18,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const RecognizerOptions kOptions{.warmup = 4};
+const MapOptions kOptions{.warmup = 4};
 struct Known {
   FeatureExtractor rings = small_rings();
-  MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(rings, kOptions);
+  MapFingerprint fingerprint = fingerprint_of(rings, kOptions);
   std::string projection = ring_model_content(small_ring_model());
   int64_t dimensions = rings.open_projection(projection).dim;
   std::string calibration = calibration_content({.blocks = {{0.1, 50, 0}, {0.6, 900, 899}}});
@@ -56,12 +56,9 @@ void add_entry(SqlDriver& map, Bytes& bytes, int64_t id, const MapHeader& header
 }
 
 void add_value(SqlDriver& map, Bytes& bytes, int64_t id) {
-  constexpr std::array kNames{kProjectionValue, kCalibrationValue, kThresholdValue,
-                              kVerifiedCalibrationValue};
-  const std::string name = kNames[bytes.up_to(3)];
-  std::string value = name == kProjectionValue  ? known().projection
-                      : name == kThresholdValue ? "0.5 distinct-margin"
-                                                : known().calibration;
+  constexpr std::array kNames{kProjectionValue, kCalibrationValue, kVerifiedCalibrationValue};
+  const std::string name = kNames[bytes.up_to(kNames.size() - 1)];
+  std::string value = name == kProjectionValue ? known().projection : known().calibration;
   for (size_t changes = bytes.up_to(3); changes > 0; --changes)
     value[bytes.number<uint16_t>() % value.size()] = bytes.number<char>();
   if (bytes.up_to(3) == 0) value = blob(bytes, 8);
@@ -138,17 +135,17 @@ void use(const fs::path& file) {
     merge_maps(maps, merged, pass_over);
   });
   reads_or_refuses([&] {
-    PlaceRecognizer recognizer(known().rings, kOptions, open_map(file, MapAccess::kWrite),
-                               pass_over);
+    Map map(known().rings, kOptions, open_map(file, MapAccess::kWrite), pass_over);
     Description scan;
     for (int i = 0; i < 32; ++i) scan.feature.push_back(static_cast<float>(i % 5));
-    const auto loop = recognizer.query(scan);
+    const auto loop = map.query(scan);
     require(!loop || std::isfinite(loop->score), "a score is a number");
-    recognizer.add(scan, {});
-    recognizer.query(scan);
-    recognizer.remove(std::array<int64_t, 1>{0});
-    recognizer.calibrate(0.5);
-    recognizer.refresh();
+    map.add({{.feature = scan.feature}});
+    map.query(scan);
+    map.remove(std::array<int64_t, 1>{0});
+    LoopDetector detector(map, {.verify = false, .warn = pass_over});
+    detector.calibrate({.score = detector.score(), .blocks = {{0.1, 50, 0}, {0.6, 900, 899}}});
+    map.refresh();
   });
 }
 

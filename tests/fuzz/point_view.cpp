@@ -6,7 +6,7 @@
 #include "bytes.h"
 #include "fuzz.h"
 #include "revisit/baselines/baselines.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 #include "revisit/registration/registration.h"
 #include "small_rings.h"
 
@@ -59,14 +59,14 @@ struct Given {
 
 /// No values in a scan may be reported as an error of the caller.
 void recognize(const FeatureExtractor& feature, const PointsView& points) {
-  PlaceRecognizer recognizer(feature, {.warmup = 2});
-  const Description scan = recognizer.describe(points);
+  Map map(feature, {.warmup = 2});
+  const Description scan = map.describe(points);
   require(scan.described() == scan.error.empty(), "a scan is described, or it is said why not");
   ++(scan.described() ? successes : rejections);
   if (!scan.described()) return;
   for (int i = 0; i < 3; ++i) {
-    recognizer.add(scan, {});
-    const auto loop = recognizer.query(scan);
+    map.add({{.feature = scan.feature}});
+    const auto loop = map.query(scan);
     require(loop && std::isfinite(loop->similarity), "a scan that was added is found");
   }
 }

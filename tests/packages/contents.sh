@@ -19,7 +19,7 @@ holds "$program" bin/revisit share/doc/revisit/{copyright,README.md,docs/FORMATS
   share/man/man1/revisit{,-loops,-map-build,-net-inspect}.1.gz share/bash-completion/completions/revisit
 grep -q '\.a$\|/include/' list && fail "$program has files to compile with"
 arch=$(dpkg-architecture -qDEB_HOST_MULTIARCH 2>/dev/null || gcc -print-multiarch)
-holds "$development" include/revisit/{engine/net,recognition/range_image,maps/place_recognizer}.h "lib/$arch/librevisit_(base|proto|engine|recognition).a" \
+holds "$development" include/revisit/{engine/net,recognition/range_image,maps/map}.h "lib/$arch/librevisit_(base|proto|engine|recognition).a" \
   "lib/$arch/cmake/revisit/revisitConfig(Version)?.cmake" "lib/$arch/pkgconfig/revisit-(engine|recognition).pc" \
   share/doc/librevisit-dev/copyright
 grep -q 'bin/\|man1' list && fail "$development has programs"

@@ -51,7 +51,7 @@ def normalized_squares(registrations):
     """Returns the NEES e^T I e of accepted pairs (truth, Registration): 6 DoF, mean 6 if consistent."""
     found = []
     for truth, result in registrations:
-        if result.accepted:
+        if result.fits:
             error = error_of(result.T_place_query, truth)
             found.append(error @ result.information @ error)
     return np.array(found)

@@ -228,10 +228,10 @@ def targets():
     found['labels, correct'] = (np.arange(9) % 2 == 0, lambda a, folder: np.array([v.correct for v in evaluation.labels(np.ones(9), a)]))
 
     def added(a):
-        recognizer = revisit.open_map(None)
-        scan = recognizer.describe(room(1))
-        recognizer.add(scan, pose=a)
-        return recognizer.query(scan).pose
+        map_ = revisit.open_map(None)
+        scan = map_.describe(room(1))
+        map_.add(scan, pose=a)
+        return map_.query(scan).pose
     found['add, pose'] = (pose, lambda a, folder: added(a))
     found['poses.in_kitti_world'] = (pose[None].copy(), lambda a, folder: poses.in_kitti_world(a, 'lidar'))
 

@@ -64,10 +64,10 @@ def of_description(folder):
 def of_entries(folder):
     import revisit
     from revisit import maps
-    recognizer = revisit.open_map(folder / 'm.map')
+    map_ = revisit.open_map(folder / 'm.map')
     for seed in range(3):
-        recognizer.add(recognizer.describe(room(seed)))
-    del recognizer
+        map_.add(map_.describe(room(seed)))
+    del map_
     gc.collect()
     entries = maps.MapStore.open(folder / 'm.map').entries()
     return both([array for entry in entries for array in (entry.feature, entry.descriptor)])
@@ -96,8 +96,8 @@ def given_goes(folder):
     import revisit
     from revisit import proto
     scan = room(1)
-    recognizer = revisit.open_map(None)
-    before = recognizer.describe(scan)
+    map_ = revisit.open_map(None)
+    before = map_.describe(scan)
     feature = before.feature.copy()
     scan[...] = 0
     del scan
@@ -115,7 +115,7 @@ def given_goes(folder):
 def changes_meanwhile(folder):
     """Another thread writes to a scan during a call: any single answer is correct."""
     import revisit
-    recognizer, scan, end = revisit.open_map(None), room(1), threading.Event()
+    map_, scan, end = revisit.open_map(None), room(1), threading.Event()
 
     def scribble():
         while not end.is_set():
@@ -123,7 +123,7 @@ def changes_meanwhile(folder):
     thread = threading.Thread(target=scribble)
     thread.start()
     for _ in range(5):
-        recognizer.describe(scan)
+        map_.describe(scan)
     end.set()
     thread.join()
 
@@ -144,17 +144,17 @@ def map_after_fork(folder):
     """A forked child must not use or corrupt the parent's map."""
     import revisit
     from revisit import maps
-    recognizer = revisit.open_map(folder / 'm.map')
-    recognizer.add(recognizer.describe(room(1)))
+    map_ = revisit.open_map(folder / 'm.map')
+    map_.add(map_.describe(room(1)))
     child = os.fork()
     if child == 0:
         try:
-            recognizer.query(recognizer.describe(room(1)))
+            map_.query(map_.describe(room(1)))
         finally:
             os._exit(0)
     os.waitpid(child, 0)
-    recognizer.add(recognizer.describe(room(2)))
-    del recognizer
+    map_.add(map_.describe(room(2)))
+    del map_
     gc.collect()
     if maps.check_map(folder / 'm.map') or len(maps.MapStore.open(folder / 'm.map')) != 2:
         raise Fault('the map is corrupt')
@@ -172,8 +172,8 @@ def work(n=10**9):
     mine = net.plan(threads={threads}).run()
     for _ in range(n): mine.forward({{'data': image}})
 def describe(n=10**9):
-    recognizer = revisit.open_map(None); scan = room(1)
-    for _ in range(n): recognizer.add(recognizer.describe(scan))
+    map_ = revisit.open_map(None); scan = room(1)
+    for _ in range(n): map_.add(map_.describe(scan))
 """
 ENDS = {
     'daemon in a pass': 'threading.Thread(target=work, daemon=True).start(); time.sleep(0.05)',
@@ -236,34 +236,34 @@ def one_run_mixed(folder):
              often(lambda _: run.plan.layers), often(lambda _: gc.collect()), often(lambda _: run.input('data').fill(1)))
 
 
-def one_recognizer(store):
+def shared_map(store):
     def work(folder):
         import revisit
         from revisit import maps
         file = folder / 'm.map' if store else None
-        recognizer = revisit.open_map(file, warmup=8)
+        map_ = revisit.open_map(file, warmup=8)
         scans = [room(seed)[::4].copy() for seed in range(6)]
-        first = recognizer.describe(scans[0])
-        recognizer.add(first)
+        first = map_.describe(scans[0])
+        map_.add(first)
 
         def add(k):
             def all_of():
                 for i in range(6):
-                    recognizer.add(recognizer.describe(scans[i]), drive=str(k), frame=i)
+                    map_.add(map_.describe(scans[i]), drive=str(k), frame=i)
             return all_of
 
         def query():
             for i in range(30):
-                recognizer.query(first, [0])
-                len(recognizer), recognizer.threshold, recognizer.warnings
-                recognizer.refresh() if i % 5 == 0 else recognizer.refresh_if_updated()
+                map_.query(first, [0])
+                len(map_), map_.sensor, map_.warnings
+                map_.refresh()
 
-        together(*[add(k) for k in range(4)], query, query, often(lambda i: recognizer.remove([i]), 5))
-        removed = recognizer.remove(list(range(5)))
-        if len(recognizer) != 25:  # indices stay
-            raise Fault(f'{len(recognizer)} entries, expected 25 ({removed} removed last)')
+        together(*[add(k) for k in range(4)], query, query, often(lambda i: map_.remove([i]), 5))
+        removed = map_.remove(list(range(5)))
+        if len(map_) != 25:  # indices stay
+            raise Fault(f'{len(map_)} entries, expected 25 ({removed} removed last)')
         if store:
-            del recognizer
+            del map_
             gc.collect()
             if maps.check_map(file) or len(maps.MapStore.open(file)) != 20:
                 raise Fault(f'the map: {maps.check_map(file)}')
@@ -274,10 +274,10 @@ def one_map(folder):
     """Reads, removes and closes concurrently."""
     import revisit
     from revisit import maps
-    recognizer = revisit.open_map(folder / 'm.map')
+    map_ = revisit.open_map(folder / 'm.map')
     for seed in range(8):
-        recognizer.add(recognizer.describe(room(seed)[::8]))
-    del recognizer
+        map_.add(map_.describe(room(seed)[::8]))
+    del map_
     gc.collect()
     map_ = maps.MapStore.open(folder / 'm.map', write=True)
     together(often(lambda i: map_.entries()), often(lambda i: map_.remove([1 + i % 8])), often(lambda i: len(map_)),
@@ -286,18 +286,18 @@ def one_map(folder):
 
 
 def gone_elsewhere(folder):
-    """Drops maps and recognizers in the garbage collector of another thread."""
+    """Drops maps in the garbage collector of another thread."""
     import revisit
     scan = room(1)[::8]
 
     def make(k):
         def work():
             for i in range(6):
-                recognizer = revisit.open_map(folder / f'{k}-{i}.map')
-                recognizer.add(recognizer.describe(scan))
-                cycle = [recognizer]
+                map_ = revisit.open_map(folder / f'{k}-{i}.map')
+                map_.add(map_.describe(scan))
+                cycle = [map_]
                 cycle.append(cycle)
-                del recognizer, cycle
+                del map_, cycle
         return work
 
     def collect():
@@ -347,7 +347,7 @@ def nets_of_caffe(folder):
 
 KEPT = (of_run, of_file, of_description, of_entries, of_points, of_prepared, of_curve)
 ALONE = (given_goes, changes_meanwhile, gone_during_pass, map_after_fork)
-SHARED = (one_run_mixed, one_map, gone_elsewhere, weights_file, net_file, nets_of_caffe, one_recognizer(True), one_recognizer(False))
+SHARED = (one_run_mixed, one_map, gone_elsewhere, weights_file, net_file, nets_of_caffe, shared_map(True), shared_map(False))
 
 
 class Lifetimes(FolderTest):

@@ -194,7 +194,7 @@ class Drives(Command):
         self.assertGreater(len(self.found), 3)
         for line in self.found:
             registered = line['registered']
-            self.assertTrue(registered['accepted'])
+            self.assertTrue(registered['fits'])
             truth = np.linalg.inv(self.camera[line['match_frame']]) @ self.camera[line['frame']]
             # KITTI's camera has z forward and x right, and an offset from the lidar.
             self.assertLess(np.hypot(registered['x'] - truth[2, 3], registered['y'] + truth[0, 3]), 0.8)
@@ -242,7 +242,7 @@ class Drives(Command):
         self.assertGreater(len(by_program), 5)
         detector = revisit.LoopDetector(revisit.open_map(None, 'hdl64'))
         by_python = [(visit.scan.frame, visit.found.loop.frame, round(visit.found.loop.score, 3), *visit.found.registered.T_place_query[:2, 3])
-                     for visit in recognize(recordings.open_recording(plain).scans(), detector) if visit.found.loop and visit.found.loop.accepted]
+                     for visit in recognize(recordings.open_recording(plain).scans(), detector) if visit.found.accepted]
         np.testing.assert_allclose(by_python, by_program, atol=2e-3)
         out = subprocess.run([EXAMPLE, self.folder / 'a.map', *sorted(plain.iterdir())], text=True, capture_output=True, check=True).stdout
         edges = re.findall(r'(\d+).bin matches entry (\d+), score ([\d.]+), .*\n +(-?[\d.]+) m ahead of it, (-?[\d.]+) m', out)
@@ -417,7 +417,7 @@ class Pieces(unittest.TestCase):
 
     def test_a_local_map_accumulates_scans(self):
         walls = [np.float32([[5, y, z] for y in np.arange(-3, 3, 0.5) for z in np.arange(-1.5, 2, 0.5)])] * 12
-        detector = revisit.LoopDetector(revisit.open_map(None, 'hdl64'), local_map=20)
+        detector = revisit.LoopDetector(revisit.open_map(local_map=20))
         self.assertIn('scan 0 has no pose', detector.take(walls[0], frame=0).error)
         for i, wall in enumerate(walls):
             pose = np.eye(4)

@@ -14,38 +14,37 @@ from scans import room
 PLACES = range(12)
 
 
-def filled(recognizer):
+def filled(map_):
     """Adds places 0 to 11; ring descriptors warm up with the first 4."""
     for seed in PLACES:
         pose = np.eye(4)
         pose[0, 3] = seed
-        recognizer.add(recognizer.describe(room(seed)), drive='d', frame=10 * seed, time=seed / 10, pose=pose)
-    return recognizer
+        map_.add(map_.describe(room(seed)), drive='d', frame=10 * seed, time=seed / 10, pose=pose)
+    return map_
 
 
 class Recognizing(unittest.TestCase):
     def test_finds_a_place_and_the_turn(self):
-        recognizer = filled(revisit.open_map(threshold=0.2, warmup=4))
-        self.assertEqual(len(recognizer), len(PLACES))
-        loop = recognizer.query(recognizer.describe(room(7, turn=0.5)))
+        map_ = filled(revisit.open_map(warmup=4))
+        self.assertEqual(len(map_), len(PLACES))
+        loop = map_.query(map_.describe(room(7, turn=0.5)))
         self.assertEqual((loop.index, loop.frame, loop.drive), (7, 70, 'd'))
-        self.assertTrue(loop.accepted)
         self.assertAlmostEqual(loop.relative_yaw, 0.5, delta=0.05)
         self.assertAlmostEqual(loop.time, 0.7)
         self.assertEqual(loop.pose[0, 3], 7)
-        other = recognizer.query(recognizer.describe(room(7)), exclude=[99, 7, -1])
+        other = map_.query(map_.describe(room(7)), exclude=[99, 7, -1])
         self.assertNotEqual(other.index, 7)
         self.assertLess(other.score, loop.score)
 
     def test_points_of_a_place_register_later_scans(self):
         for seen, rejection in ((room(7), ''), (None, 'no points')):
-            recognizer = filled(revisit.open_map(threshold=0.2, warmup=4))
-            recognizer.remove([7])
-            recognizer.add(recognizer.describe(room(7)), drive='d', frame=70, points=seen)
-            found = maps.LoopDetector(recognizer, drive='later').take(room(7, turn=0.5), frame=0)
-            self.assertEqual((found.loop.index, found.rejection_reason), (len(PLACES), rejection))
+            map_ = filled(revisit.open_map(warmup=4))
+            map_.remove([7])
+            map_.add(map_.describe(room(7)), drive='d', frame=70, points=seen)
+            found = maps.LoopDetector(map_, drive='later').take(room(7, turn=0.5), frame=0)
+            self.assertEqual((found.loop.index, found.rejection), (len(PLACES), rejection))
             if seen is not None:
-                self.assertTrue(found.loop.accepted)
+                self.assertTrue(found.accepted)
                 R = found.registered.T_place_query[:2, :2]
                 self.assertAlmostEqual(np.arctan2(R[1, 0], R[0, 0]), 0.5, delta=0.01)
 
@@ -54,41 +53,55 @@ class Recognizing(unittest.TestCase):
         for wrong in ({'dim': 0}, {'candidates': -1}, {'blend': 2}, {'threads': 0}):
             with self.assertRaises(revisit.UsageError, msg=str(wrong)):
                 revisit.recognition.ring_recognizer(model, **wrong)
-        for wrong in ({'threshold': float('nan')}, {'k': 0}, {'score': 'best'}, {'align': 'case3'}):
+        for wrong in ({'k': 0}, {'score': 'best'}, {'align': 'case3'}, {'sensor': 'hdl63'}):
+            for extractor in (revisit.recognition.m2dp_features(), None)['sensor' in wrong:]:
+                with self.assertRaises(revisit.UsageError, msg=str(wrong)):
+                    maps.Map(extractor=extractor, **wrong)
+        for wrong in ({'threshold': float('nan')}, {'target_precision': 1}, {'keyframes': 'some'}, {'exclusion': 'few'}):
             with self.assertRaises(revisit.UsageError, msg=str(wrong)):
-                maps.PlaceRecognizer(revisit.recognition.m2dp_features(), **wrong)
+                maps.LoopDetector(**wrong)
+        with self.assertRaises(TypeError):
+            maps.LoopDetector(5)
+
+    def test_the_first_scan_tells_the_sensor(self):
+        map_ = revisit.open_map(None)
+        self.assertEqual((map_.sensor, map_.warnings), ('', []))
+        map_.describe(room(1))
+        self.assertRegex(map_.warnings[0], f'^sensor: {map_.sensor} [(].')
+        self.assertEqual(map_.sensor, revisit.recognition.choose_ring_model([room(1)])[0])
+        self.assertEqual(revisit.open_map(None, 'vlp16').sensor, 'vlp16')
 
     def test_nothing_is_found_in_nothing(self):
-        recognizer = revisit.open_map()
-        self.assertIsNone(recognizer.query(recognizer.describe(room(1))))
+        map_ = revisit.open_map()
+        self.assertIsNone(map_.query(map_.describe(room(1))))
 
     def test_a_scan_without_points_says_why(self):
-        recognizer = revisit.open_map()
-        scan = recognizer.describe(np.zeros((0, 3), np.float32))
+        map_ = revisit.open_map()
+        scan = map_.describe(np.zeros((0, 3), np.float32))
         self.assertFalse(scan.described)
         self.assertIn('no points', scan.error)
         self.assertEqual(len(scan.feature), 0)
-        self.assertIsNone(recognizer.query(scan))
+        self.assertIsNone(map_.query(scan))
         with self.assertRaises(revisit.UsageError):
-            recognizer.add(scan)
+            map_.add(scan)
 
     def test_poses_are_checked(self):
-        recognizer = revisit.open_map()
-        scan = recognizer.describe(room(1))
+        map_ = revisit.open_map()
+        scan = map_.describe(room(1))
         with self.assertRaisesRegex(TypeError, 'float64'):
-            recognizer.add(scan, pose=np.eye(4, dtype=np.float32))
+            map_.add(scan, pose=np.eye(4, dtype=np.float32))
         with self.assertRaisesRegex(ValueError, r'\(4, 4\)'):
-            recognizer.add(scan, pose=np.eye(3))
+            map_.add(scan, pose=np.eye(3))
         with self.assertRaisesRegex(ValueError, 'rigid'):
-            recognizer.add(scan, pose=2 * np.eye(4))
-        self.assertEqual(len(recognizer), 0)
+            map_.add(scan, pose=2 * np.eye(4))
+        self.assertEqual(len(map_), 0)
 
     def test_threads_may_share_one(self):
-        recognizer = filled(revisit.open_map(threshold=0.2, warmup=4))
+        map_ = filled(revisit.open_map(warmup=4))
         found = {}
 
         def ask(seed):
-            found[seed] = recognizer.query(recognizer.describe(room(seed, 0.3))).index
+            found[seed] = map_.query(map_.describe(room(seed, 0.3))).index
 
         threads = [threading.Thread(target=ask, args=(seed,)) for seed in PLACES]
         for thread in threads:
@@ -110,17 +123,31 @@ class Maps(FolderTest):
                 maps.open_map(file, 'vlp16', local_map=meters)
             self.assertFalse(file.exists())
 
-    def test_outlive_the_recognizer(self):
-        recognizer = filled(revisit.open_map(self.file, warmup=4))
-        recognizer.calibrate(0.25)
-        del recognizer
+    def test_stay_on_the_disk(self):
+        filled(revisit.open_map(self.file, warmup=4))
         again = revisit.open_map(self.file)
-        self.assertEqual((len(again), again.threshold, again.warnings), (len(PLACES), 0.25, []))
+        self.assertEqual((len(again), again.warnings), (len(PLACES), []))
         self.assertEqual(again.query(again.describe(room(3))).index, 3)
 
+    def test_are_opened_by_detectors(self):
+        for session in ('monday', 'tuesday'):
+            detector = None  # closes the map
+            detector = revisit.LoopDetector(self.file, drive=session)
+            found = [detector.take(room(seed), frame=seed) for seed in PLACES]
+            self.assertEqual((detector.drive, detector.map.sensor != ''), (session, True))
+        self.assertEqual([(each.loop.drive, each.loop.frame) for each in found], [('monday', seed) for seed in PLACES])
+        self.assertTrue(all(each.accepted for each in found))
+        queried = detector.query(room(3, turn=0.5))
+        self.assertTrue(queried.accepted)
+        self.assertEqual((queried.index, len(detector.map)), (None, 2 * len(PLACES)))
+        map_ = detector.map
+        del detector, found, queried
+        self.assertEqual(len(map_), 2 * len(PLACES))
+        self.assertIs(revisit.LoopDetector(map_).map, map_)
+
     def test_list_their_entries(self):
-        recognizer = filled(revisit.open_map(self.file, warmup=4))
-        del recognizer
+        map_ = filled(revisit.open_map(self.file, warmup=4))
+        del map_
         with maps.MapStore.open(self.file) as store:
             self.assertEqual(store.fingerprint['feature'], 'ring')
             self.assertEqual(len(store), len(PLACES))
@@ -134,22 +161,22 @@ class Maps(FolderTest):
 
     def test_names_of_drives_may_be_any_bytes(self):
         name = os.fsdecode(b'Stra\xdfe')
-        recognizer = revisit.open_map(self.file)
-        recognizer.add(recognizer.describe(room(3)), drive=name)
-        self.assertEqual(recognizer.query(recognizer.describe(room(3))).drive, name)
+        map_ = revisit.open_map(self.file)
+        map_.add(map_.describe(room(3)), drive=name)
+        self.assertEqual(map_.query(map_.describe(room(3))).drive, name)
         with maps.MapStore.open(self.file) as store:
             self.assertEqual([entry.drive for entry in store.entries()], [name])
 
     def test_places_are_removed(self):
-        recognizer = filled(revisit.open_map(self.file, threshold=0.2, warmup=4))
-        scan = recognizer.describe(room(7))
-        self.assertEqual(recognizer.query(scan).index, 7)
-        self.assertEqual(recognizer.remove([7, 2]), 2)
-        self.assertNotEqual(recognizer.query(scan).index, 7)
-        self.assertEqual(recognizer.query(recognizer.describe(room(8))).index, 8)
+        map_ = filled(revisit.open_map(self.file, warmup=4))
+        scan = map_.describe(room(7))
+        self.assertEqual(map_.query(scan).index, 7)
+        self.assertEqual(map_.remove([7, 2]), 2)
+        self.assertNotEqual(map_.query(scan).index, 7)
+        self.assertEqual(map_.query(map_.describe(room(8))).index, 8)
         with self.assertRaisesRegex(revisit.UsageError, 'index 12'):
-            recognizer.remove([12])
-        del recognizer
+            map_.remove([12])
+        del map_
         with maps.MapStore.open(self.file) as store:
             with self.assertRaisesRegex(revisit.UsageError, 'for reading'):
                 store.remove([1])
@@ -165,29 +192,18 @@ class Maps(FolderTest):
         self.assertEqual(len(again), 6)
         self.assertEqual(again.query(again.describe(room(8))).frame, 80)
 
-    def test_belong_to_one_recognizer(self):
-        extractor = revisit.recognition.m2dp_features()
-        store = maps.MapStore.open(self.file, maps.PlaceRecognizer.fingerprint_of(extractor))
-        maps.PlaceRecognizer(extractor, store)
-        with self.assertRaisesRegex(revisit.UsageError, 'a PlaceRecognizer owns it'):
-            maps.PlaceRecognizer(extractor, store)
-
-    def test_stay_open_when_a_recognizer_refuses(self):
-        filled(revisit.open_map(self.file, warmup=4))
-        store = maps.MapStore.open(self.file, write=True)
-        for options, error, says in (({'k': 0}, revisit.UsageError, 'k: expected at least 1'),
-                                     ({}, revisit.InputError, "feature: the map has .*, this program 'm2dp'")):
-            with self.assertRaisesRegex(error, says):
-                maps.PlaceRecognizer(revisit.recognition.m2dp_features(), store, **options)
-        self.assertEqual(len(store), len(PLACES))
-
     def test_of_another_feature_are_refused(self):
         filled(revisit.open_map(self.file, warmup=4))
-        with self.assertRaisesRegex(revisit.InputError, 'feature'):
-            extractor = revisit.recognition.m2dp_features()
-            maps.MapStore.open(self.file, maps.PlaceRecognizer.fingerprint_of(extractor))
+        for _ in range(2):  # they are closed again
+            with self.assertRaisesRegex(revisit.InputError, "feature: the map has .*, this program 'm2dp'"):
+                maps.Map(self.file, extractor=revisit.recognition.m2dp_features())
         with self.assertRaises(revisit.InputError):
             maps.MapStore.open(self.file.with_name('nowhere.map'))
+        other = self.file.with_name('m2dp.map')
+        filled(maps.Map(other, extractor=revisit.recognition.m2dp_features()))
+        self.assertEqual(len(maps.MapStore.open(other)), len(PLACES))
+        with self.assertRaisesRegex(revisit.InputError, 'open the map with this feature'):
+            revisit.open_map(other)
 
     def test_are_merged(self):
         filled(revisit.open_map(self.file, warmup=4))

@@ -37,8 +37,8 @@ class Memory(FolderTest):
         marks = [200, 400] if not GIVEN else [mark for mark in (1000, 2000, 5000, 10000, 20000) if mark <= GIVEN]
         for file in (None, self.folder / 'long.map'):
             with self.subTest(file):
-                recognizer = revisit.open_map(file, 'vlp16', warmup=200 if GIVEN else 20, threshold=0.9)
-                detector = revisit.LoopDetector(recognizer, drive='long', exclusion='frames=50', verify=True)
+                map_ = revisit.open_map(file, 'vlp16', warmup=200 if GIVEN else 20)
+                detector = revisit.LoopDetector(map_, drive='long', exclusion='frames=50', verify=True)
                 scans = (Scan(frame, None, None, lambda frame=frame: (points_of(frame), None), f'scan {frame}') for frame in range(marks[-1]))
                 bytes_at, registered = {}, 0
                 for visit in recognize(scans, detector):

@@ -46,9 +46,9 @@ class Registering(unittest.TestCase):
         with self.assertRaisesRegex(UsageError, 'finite relative yaw'):
             registration.register_scans(scan, scan, np.nan)
 
-    def test_a_scan_of_few_points_is_not_accepted(self):
+    def test_a_scan_of_few_points_never_fits(self):
         few = registration.PreparedScan(np.ones((3, 3), np.float32))
-        self.assertFalse(registration.register_scans(few, few, 0).accepted)
+        self.assertFalse(registration.register_scans(few, few, 0).fits)
 
 
 class OfASimulatedDrive(unittest.TestCase):

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -15,14 +16,15 @@ namespace revisit::test {
 
 inline constexpr int64_t kNumbers = 6;
 
-/// The projection subtracts the mean of the first six coordinates and records training entries.
-inline FeatureExtractor coordinates() {
-  const auto projection_with = [](std::vector<float> mean) {
+/// The first six coordinates. The projection subtracts the mean of the training entries.
+inline FeatureExtractor coordinates(std::optional<double> same_place = {}) {
+  const auto projection_with = [same_place](std::vector<float> mean) {
     Projection projection;
     projection.dim = kNumbers;
     projection.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
     };
+    projection.comparison.same_place = same_place;
     projection.comparison.relative_yaw = [](std::span<const float> a, std::span<const float> b) {
       return static_cast<double>(b[0] - a[0]);
     };
@@ -34,6 +36,7 @@ inline FeatureExtractor coordinates() {
   extractor.name = "coordinates";
   extractor.key = "coordinates 1";
   extractor.dim = kNumbers;
+  extractor.comparison.same_place = same_place;
   extractor.make = []() -> FeatureFunction<PointCloud> {
     return [](const PointCloud& cloud, std::span<float> feature) {
       if (cloud.points.size() < 2) throw InputError("fewer than two points");

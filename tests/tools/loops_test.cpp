@@ -124,7 +124,7 @@ TEST_F(Loops, WarnOfCalibrationsForOtherLoops) {
   EXPECT_EQ(said("--threshold 1"), "");
   open_map(path("score.map"), MapAccess::kWrite)->set_value(kVerifiedCalibrationValue, "nonsense");
   EXPECT_HAS(said(""), "ignored; calibrate the map again");
-  EXPECT_HAS(run("map info --check " + path("score.map"), 5), "registered loops: not a usable");
+  EXPECT_HAS(run("map info --check " + path("score.map"), 5), "verified calibration: not a usable");
   EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
   std::string bytes = read_file(path("score.map"));  // now its checksum does not fit, too
   for (size_t at = 0; (at = bytes.find("nonsense", at)) != std::string::npos;) bytes[at] = 'N';

@@ -27,10 +27,10 @@ std::string content_of(const PointsView& points) {
 
 }  // namespace
 
-bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
-                  std::optional<double> time, int64_t index) {
-  const bool same_time = time && *time != 0 && time == recognizer.time(index);
-  return recognizer.similarity(scan, index) >= (same_time ? kSameTime : kSameScan);
+bool is_same_scan(const Map& map, const Description& scan, std::optional<double> time,
+                  int64_t index) {
+  const bool same_time = time && *time != 0 && time == map.entry(index).time;
+  return map.similarity(scan, index) >= (same_time ? kSameTime : kSameScan);
 }
 
 bool may_belong_to(const DriveEntries& entries, int64_t frame) {
@@ -39,17 +39,19 @@ bool may_belong_to(const DriveEntries& entries, int64_t frame) {
   return frame >= first - gap && frame <= last + gap;
 }
 
-std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
-                         const PointsView& first,
+std::string drive_in_map(Map& map, const std::string& name, const PointsView& first,
                          const std::function<bool(const DriveEntries&)>& is_it) {
   const std::string content = content_of(first);
   // merge_maps() names the second recording of a name MAP/NAME.
-  for (const std::string& merged : recognizer.drives())
-    if (merged.ends_with("/" + name) && is_it(recognizer.entries_of(merged))) return merged;
+  for (const std::string& merged : map.drives())
+    if (merged.ends_with("/" + name) && is_it(map.entries_of(merged))) return merged;
   std::string drive = name;
   for (int number = 2;; ++number) {
-    const DriveEntries entries = recognizer.entries_of(drive);
-    if (entries.empty() ? recognizer.reserve_drive(drive, content) : is_it(entries)) return drive;
+    const DriveEntries entries = map.entries_of(drive);
+    bool is_free = false;
+    if (entries.empty())
+      map.use_store([&](MapStore& store) { is_free = store.reserve_drive(drive, content); });
+    if (is_free || (!entries.empty() && is_it(entries))) return drive;
     drive = str(name, "-", number);
   }
 }

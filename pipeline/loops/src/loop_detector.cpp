@@ -2,9 +2,10 @@
 
 #include <charconv>
 #include <cmath>
-#include <map>
+#include <iostream>
 #include <utility>
 
+#include "acceptance.h"
 #include "local_map.h"
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
@@ -29,11 +30,6 @@ void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isom
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
-std::string rejection_of(const Loop& loop, std::optional<double> threshold) {
-  const bool by_score = threshold && loop.score >= *threshold;
-  return loop.ambiguous && by_score ? "ambiguous" : "score";
-}
-
 class Keyframes {
  public:
   /// "all", "meters=L" or "similarity=S"; throws UsageError for anything else.
@@ -51,13 +47,13 @@ class Keyframes {
                        "found '", text, "'");
   }
   /// Throws UsageError if the rule needs a pose and there is none.
-  bool is_one(const PlaceRecognizer& recognizer, const Description& scan,
+  bool is_one(const Map& map, const Description& scan,
               const std::optional<Eigen::Isometry3d>& pose) const {
     if (kind_ == "all") return true;
     if (kind_ == "meters" && !pose)
       throw UsageError("keyframes: meters=L needs poses, which the scans lack; use similarity=S");
     if (!last_) return true;
-    if (kind_ == "similarity") return recognizer.similarity(scan, *last_) < amount_;
+    if (kind_ == "similarity") return map.similarity(scan, *last_) < amount_;
     return !pose_ || (pose->translation() - pose_->translation()).norm() >= amount_;
   }
   void add(int64_t index, const std::optional<Eigen::Isometry3d>& pose) {
@@ -95,23 +91,28 @@ void RecentEntries::add(int64_t index) {
 }
 
 struct LoopDetector::Impl {
-  PlaceRecognizer& recognizer;
+  const std::unique_ptr<Map> own_map;  // null: the caller's
+  Map& map;
   LoopDetectorOptions options;
   const bool verifies;
+  const Eigen::Isometry3d mount;
+  Acceptance acceptance;
   const std::string name;             // recording, as given
   std::vector<RecentEntries> recent;  // by the exclusion; for local maps also by overlap
   Keyframes keyframes;
   std::optional<LocalMap> local_map;
   std::optional<int64_t> last;  // index of the entry of the preceding scan
   bool identified = false;
+  int64_t loadings = 0;  // Map::refresh() at the latest scan
   // frame -> index of its scans that the map had before; `ahead`: those not reached yet.
   DriveEntries stored, ahead;
 
-  Impl(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
-  std::optional<double> threshold() const;
-  std::optional<Calibration> calibration() const;
+  Impl(std::unique_ptr<Map> own, Map& used, const LoopDetectorOptions& chosen);
 
   Detection take(const PointsView& points, const ScanStamp& stamp);
+  Detection query(const PointsView& points);
+  Description describe(const PointsView& points);
+  PointCloud mounted(const PointsView& points) const;
   std::vector<int64_t> temporal_neighbors(const ScanStamp& stamp);
   std::optional<int64_t> resume(const Description& scan, const PointsView& points,
                                 const ScanStamp& stamp);
@@ -120,32 +121,41 @@ struct LoopDetector::Impl {
   void store(const Description& scan, const PointCloud& cloud, const ScanStamp& stamp,
              Detection& found);
 
-  bool keeps_clouds() const { return options.keep_clouds && (verifies || recognizer.has_map()); }
   bool is_first_halt(const Description& scan) const;
   void verify(const Description& scan, const PointCloud& query, Detection& found) const;
   bool register_entry(const PreparedScan& query, Loop& loop, Detection& found) const;
 };
 
-LoopDetector::Impl::Impl(PlaceRecognizer& of, const LoopDetectorOptions& chosen)
-    : recognizer(of),
-      options(chosen),
-      verifies(options.verify.value_or(options.keep_clouds && recognizer.estimates_yaw())),
+namespace {
+
+LoopDetectorOptions with_warn(LoopDetectorOptions options) {
+  if (!options.warn)
+    options.warn = [](const std::string& what) { std::cerr << "revisit: " << what << "\n"; };
+  return options;
+}
+
+bool estimates_yaw(const Map& map) {
+  const FeatureExtractor* extractor = map.extractor();
+  return extractor == nullptr || extractor->comparison.relative_yaw;  // null: rings
+}
+
+}  // namespace
+
+LoopDetector::Impl::Impl(std::unique_ptr<Map> own, Map& used, const LoopDetectorOptions& chosen)
+    : own_map(std::move(own)),
+      map(used),
+      options(with_warn(chosen)),
+      verifies(options.verify.value_or(options.keep_clouds && estimates_yaw(map))),
+      mount(map.options().mount),
+      acceptance(map, options, verifies, options.warn),
       name(options.drive),
       recent{RecentEntries(options.exclusion)},
       keyframes(options.keyframes) {
-  if (recognizer.has_map() && options.local_map != recognizer.local_map())
-    throw UsageError("local map: ", options.local_map,
-                     " m, expected as for the map: ", recognizer.local_map(), " m");
-  if (options.local_map != 0) {
-    local_map.emplace(options.local_map);
-    recent.emplace_back(Exclusion{Exclusion::Kind::kMeters, options.local_map});
+  if (const double meters = map.options().local_map; meters != 0) {
+    local_map.emplace(meters);
+    recent.emplace_back(Exclusion{Exclusion::Kind::kMeters, meters});
   }
-  if (options.threshold && !std::isfinite(*options.threshold))
-    throw UsageError("the threshold: expected a number, found ", *options.threshold);
-  if (!(options.target_precision > 0 && options.target_precision < 1))
-    throw UsageError("precision: expected more than 0 and less than 1, found ",
-                     options.target_precision);
-  if (verifies && !recognizer.estimates_yaw())
+  if (verifies && !estimates_yaw(map))
     throw UsageError(
         "verification: this feature estimates no relative yaw to start from; use ring descriptors");
 }
@@ -156,22 +166,42 @@ Detection LoopDetector::Impl::take(const PointsView& given, const ScanStamp& sta
   const PointsView points = local_map ? local_map->add(given, *stamp.pose) : given;
   Detection found;
   found.excluded = temporal_neighbors(stamp);
-  const Description description = recognizer.describe(points);
+  const Description description = describe(points);
   if (!description.described()) {
     found.error = description.error;
     return found;
   }
-  recognizer.refresh_if_updated();
-  PointCloud cloud;
-  if (keeps_clouds() || verifies) {
-    copy_points(points, cloud);
-    transform(recognizer.mount(), cloud);
-  }
+  const PointCloud cloud = options.keep_clouds || verifies ? mounted(points) : PointCloud();
   found.index = resume(description, points, stamp);
   exclude_drive(stamp, found.excluded);
   match(description, cloud, found);
   store(description, cloud, stamp, found);
   return found;
+}
+
+Detection LoopDetector::Impl::query(const PointsView& points) {
+  Detection found;
+  const Description description = describe(points);
+  found.error = description.error;
+  if (description.described()) match(description, verifies ? mounted(points) : PointCloud(), found);
+  return found;
+}
+
+/// The first scan may tell the sensor; the map may get another calibration.
+Description LoopDetector::Impl::describe(const PointsView& points) {
+  Description description = map.describe(points);
+  if (const int64_t now = map.refresh(); now != loadings) {
+    acceptance.refresh();
+    loadings = now;
+  }
+  return description;
+}
+
+PointCloud LoopDetector::Impl::mounted(const PointsView& points) const {
+  PointCloud cloud;
+  copy_points(points, cloud);
+  transform(mount, cloud);
+  return cloud;
 }
 
 std::vector<int64_t> LoopDetector::Impl::temporal_neighbors(const ScanStamp& stamp) {
@@ -187,17 +217,17 @@ std::vector<int64_t> LoopDetector::Impl::temporal_neighbors(const ScanStamp& sta
 std::optional<int64_t> LoopDetector::Impl::resume(const Description& scan, const PointsView& points,
                                                   const ScanStamp& stamp) {
   const auto is_entry = [&](const DriveEntries::const_iterator& entry) {
-    return is_same_scan(recognizer, scan, stamp.time, entry->second);
+    return is_same_scan(map, scan, stamp.time, entry->second);
   };
   const auto known = stored.find(stamp.frame);
   if (known != stored.end() && is_entry(known)) return known->second;
   if (identified && known == stored.end()) return std::nullopt;
   // The first scan, or the first that differs from the recording identified so far.
-  options.drive = drive_in_map(recognizer, name, points, [&](const DriveEntries& entries) {
+  options.drive = drive_in_map(map, name, points, [&](const DriveEntries& entries) {
     const auto same = entries.find(stamp.frame);
     return same == entries.end() ? may_belong_to(entries, stamp.frame) : is_entry(same);
   });
-  stored = ahead = recognizer.entries_of(options.drive);
+  stored = ahead = map.entries_of(options.drive);
   identified = true;
   const auto found = stored.find(stamp.frame);
   return found == stored.end() ? std::nullopt : std::optional(found->second);
@@ -207,7 +237,7 @@ std::optional<int64_t> LoopDetector::Impl::resume(const Description& scan, const
 void LoopDetector::Impl::exclude_drive(const ScanStamp& stamp, std::vector<int64_t>& excluded) {
   for (const auto& [frame, index] : ahead) excluded.push_back(index);
   if (last && options.exclusion.kind != Exclusion::Kind::kNone)
-    for (const int64_t index : recognizer.around(*last)) excluded.push_back(index);
+    for (const int64_t index : map.around(*last)) excluded.push_back(index);
   while (!ahead.empty() && ahead.begin()->first <= stamp.frame) {
     for (RecentEntries& one : recent) one.add(ahead.begin()->second);
     ahead.erase(ahead.begin());
@@ -216,23 +246,25 @@ void LoopDetector::Impl::exclude_drive(const ScanStamp& stamp, std::vector<int64
 
 void LoopDetector::Impl::match(const Description& scan, const PointCloud& cloud,
                                Detection& found) const {
-  found.loop = recognizer.query(scan, found.excluded);
+  found.loop = map.query(scan, found.excluded);
   if (!found.loop) return;
   if (verifies)
     verify(scan, cloud, found);
-  else if (!found.loop->accepted)
-    found.rejection = rejection_of(*found.loop, recognizer.threshold());
+  else
+    found.rejection = acceptance.decide(*found.loop);
+  found.accepted = found.rejection.empty();
 }
 
 void LoopDetector::Impl::store(const Description& scan, const PointCloud& cloud,
                                const ScanStamp& stamp, Detection& found) {
-  if (!found.index && !is_first_halt(scan) && keyframes.is_one(recognizer, scan, stamp.pose)) {
-    found.index = recognizer.add(
-        scan, {.drive = options.drive,
-               .frame = stamp.frame,
-               .time = stamp.time,
-               .pose = stamp.pose,
-               .cloud = keeps_clouds() ? compact_cloud(cloud, recognizer.mount()) : ""});
+  if (!found.index && !is_first_halt(scan) && keyframes.is_one(map, scan, stamp.pose)) {
+    MapEntry entry{.drive = options.drive,
+                   .frame = stamp.frame,
+                   .time = stamp.time,
+                   .pose = stamp.pose,
+                   .feature = scan.feature,
+                   .cloud = options.keep_clouds ? compact_cloud(cloud, mount) : ""};
+    found.index = map.add({std::move(entry)}).front();
     for (RecentEntries& one : recent) one.add(*found.index);
   }
   if (!found.index) return;
@@ -244,19 +276,7 @@ void LoopDetector::Impl::store(const Description& scan, const PointCloud& cloud,
 /// warm-up with few distinct entries.
 bool LoopDetector::Impl::is_first_halt(const Description& scan) const {
   constexpr double kStanding = 0.98;  // scans of a halt have at least 0.99
-  return last && !recognizer.is_warmed_up() && recognizer.similarity(scan, *last) >= kStanding;
-}
-
-std::optional<Calibration> LoopDetector::Impl::calibration() const {
-  if (!verifies) return recognizer.calibration();
-  const std::optional<Calibration> of_map = recognizer.verified_calibration();
-  return of_map ? of_map : verified_calibration();
-}
-
-std::optional<double> LoopDetector::Impl::threshold() const {
-  if (!verifies) return recognizer.threshold();
-  if (options.threshold) return options.threshold;
-  return calibration()->threshold_for(options.target_precision);
+  return last && !map.is_warmed_up() && map.similarity(scan, *last) >= kStanding;
 }
 
 /// Adds the inlier ratio to the score of `loop`, which replaces found.loop unless that fits better,
@@ -265,16 +285,16 @@ bool LoopDetector::Impl::register_entry(const PreparedScan& query, Loop& loop,
                                         Detection& found) const {
   std::pair<PointCloud, Eigen::Isometry3d> entry;  // with its mount
   try {
-    entry = expand_cloud(recognizer.cloud(loop.index));
+    map.use_store([&](MapStore& store) { entry = expand_cloud(store.cloud(loop.id)); });
   } catch (const InputError&) {  // none, or corrupt points, which check_map() reports
     return false;
   }
   Registration registered = register_scans(query, PreparedScan(entry.first, options.registration),
                                            *loop.relative_yaw, options.registration);
   loop.score += registered.inlier_ratio;
-  const bool fits = found.registered && found.registered->accepted;
-  if (std::pair(fits, found.loop->score) > std::pair(registered.accepted, loop.score)) return true;
-  to_sensor_frames(entry.second, recognizer.mount(), registered);
+  const bool fits = found.registered && found.registered->fits;
+  if (std::pair(fits, found.loop->score) > std::pair(registered.fits, loop.score)) return true;
+  to_sensor_frames(entry.second, mount, registered);
   found.registered = registered;
   found.loop = loop;
   return true;
@@ -291,41 +311,52 @@ void LoopDetector::Impl::verify(const Description& scan, const PointCloud& query
     const PreparedScan prepared(query, options.registration);
     Loop first = *found.loop;
     has_points = register_entry(prepared, first, found);
-    if (!found.registered || !found.registered->accepted || first.score < kClear) {
+    if (!found.registered || !found.registered->fits || first.score < kClear) {
       std::vector<int64_t> excluded = found.excluded;
-      const std::vector<int64_t> near = recognizer.near(first.index);
+      const std::vector<int64_t> near = map.around(first.index, true);
       excluded.insert(excluded.end(), near.begin(), near.end());
       excluded.push_back(first.index);
-      second = recognizer.query(scan, excluded);
+      second = map.query(scan, excluded);
     }
     if (second && second->similarity >= kMinSimilarity) {
       second->score = second->similarity;
       register_entry(prepared, *second, found);
     }
   }
-  Loop& loop = *found.loop;
-  loop.probability = calibration()->probability(loop.score);
-  const std::optional<double> least = threshold();
-  loop.accepted = !loop.ambiguous && found.registered && found.registered->accepted && least &&
-                  loop.score >= *least;
-  if (found.registered) found.registered->accepted = loop.accepted;
-  if (loop.accepted) return;
-  found.rejection = rejection_of(loop, least);
+  found.rejection = acceptance.decide(*found.loop);
   if (!has_points && !found.registered)
     found.rejection = "no points";
-  else if (found.registered && found.rejection == "score")
-    found.rejection = "registration";
-  else if (found.rejection == "score" && least && loop.score >= *least)
+  else if (found.registered && (found.rejection == "score" || !found.registered->fits))
+    found.rejection = found.rejection == "ambiguous" ? "ambiguous" : "registration";
+  else if (!found.registered && found.rejection.empty())
     found.rejection = "similarity";
 }
 
-LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
-    : impl_(std::make_unique<Impl>(recognizer, options)) {}
+LoopDetector::LoopDetector(const LoopDetectorOptions& options) {
+  auto map = std::make_unique<Map>(options.map, MapOptions{}, options.warn);
+  Map& used = *map;
+  impl_ = std::make_unique<Impl>(std::move(map), used, options);
+}
+
+LoopDetector::LoopDetector(Map& map, const LoopDetectorOptions& options) {
+  if (!options.map.empty())
+    throw UsageError("LoopDetectorOptions::map: ", options.map.string(),
+                     ", but a Map is given, too; give one of the two");
+  impl_ = std::make_unique<Impl>(nullptr, map, options);
+}
 
 LoopDetector::~LoopDetector() = default;
 
 Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
   return impl_->take(points, scan);
+}
+
+Detection LoopDetector::query(const PointsView& points) {
+  return impl_->query(points);
+}
+
+Map& LoopDetector::map() const {
+  return impl_->map;
 }
 
 const std::string& LoopDetector::drive() const {
@@ -337,15 +368,19 @@ bool LoopDetector::verifies() const {
 }
 
 Score LoopDetector::score() const {
-  return impl_->verifies ? Score::kVerified : impl_->recognizer.score();
+  return impl_->acceptance.score();
 }
 
 std::optional<double> LoopDetector::threshold() const {
-  return impl_->threshold();
+  return impl_->acceptance.threshold();
 }
 
 std::optional<Calibration> LoopDetector::calibration() const {
-  return impl_->calibration();
+  return impl_->acceptance.calibration();
+}
+
+void LoopDetector::calibrate(const Calibration& calibration) {
+  impl_->acceptance.calibrate(calibration);
 }
 
 const Calibration& verified_calibration() {

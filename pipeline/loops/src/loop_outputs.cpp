@@ -43,7 +43,7 @@ void LoopSummary::add(const Detection& found) {
   skipped_ += found.error.empty() ? 0 : 1;
   if (!found.loop) return;
   best_ = queried_++ == 0 ? found.loop->score : std::max(best_, found.loop->score);
-  accepted_ += found.loop->accepted ? 1 : 0;
+  accepted_ += found.accepted ? 1 : 0;
   const bool by_score = threshold_ && found.loop->score >= *threshold_;
   few_entries_ += found.rejection == "score" && by_score ? 1 : 0;
   ++rejected_[found.rejection];

@@ -39,14 +39,12 @@ std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& excluded,
 
 }  // namespace
 
-KnownEntries::KnownEntries(const FeatureExtractor& extractor, const RecognizerOptions& options,
-                           MapStore& map, bool is_temporary, Acceptance& acceptance,
-                           const MapStore::Warn& warn)
+KnownEntries::KnownEntries(const FeatureExtractor& extractor, const MapOptions& options,
+                           MapStore& map, bool is_temporary, const MapStore::Warn& warn)
     : extractor_(extractor),
       options_(options),
       map_(map),
       is_temporary_(is_temporary),
-      acceptance_(acceptance),
       warn_(warn) {
   features_.d = extractor.dim;
   if (!extractor.fit_projection) complete(unchanged_projection(extractor));
@@ -62,11 +60,11 @@ void KnownEntries::load_updates() {
       if (const auto index = find(id)) remove_index(*index);
   removals_known_ = read_to_.removed;
   is_behind_ = false;
+  ++loadings_;
 }
 
 void KnownEntries::read_new_entries() {
   look_for_projection();
-  acceptance_.refresh();
   if (is_complete()) {
     const auto take = [&](MapEntry&& entry) {
       const int64_t id = entry.id;
@@ -241,7 +239,7 @@ void KnownEntries::begin_index() {
   index_.emplace(projection_->dim, projection_->comparison);
   has_graph_ = false;
   stretches_.reset();
-  if (acceptance_.score() == Score::kDistinctMargin && projection_->comparison.same_place)
+  if (*options_.score == Score::kDistinctMargin && projection_->comparison.same_place)
     stretches_.emplace(*projection_->comparison.same_place);
 }
 
@@ -285,8 +283,8 @@ std::optional<int64_t> KnownEntries::find(int64_t id) const {
   return found - entries_.begin();
 }
 
-std::map<int64_t, int64_t> KnownEntries::entries_of(const std::string& drive) const {
-  std::map<int64_t, int64_t> frames;
+DriveEntries KnownEntries::entries_of(const std::string& drive) const {
+  DriveEntries frames;
   for (int64_t index = 0; index < size(); ++index) {
     const MapEntry& entry = entries_[static_cast<size_t>(index)];
     if (entry.drive == drive && !std::ranges::binary_search(removed_, index))
@@ -295,44 +293,46 @@ std::map<int64_t, int64_t> KnownEntries::entries_of(const std::string& drive) co
   return frames;
 }
 
+std::set<std::string> KnownEntries::drives() const {
+  std::set<std::string> names;
+  for (const MapEntry& entry : entries_) names.insert(entry.drive);
+  return names;
+}
+
 bool KnownEntries::is_ambiguous(int64_t index) const {
   return stretches_ && stretches_->is_long(index);
 }
 
-std::vector<int64_t> KnownEntries::around(int64_t index) const {
+std::vector<int64_t> KnownEntries::around(int64_t index, bool margin) const {
   at(index);
   if (!stretches_) return {index};
+  if (margin) return stretches_->near(index);
   const std::span<const int64_t> entries = stretches_->around(index);
   return {entries.begin(), entries.end()};
 }
 
-std::vector<int64_t> KnownEntries::near(int64_t index) const {
-  at(index);
-  return stretches_ ? stretches_->near(index) : std::vector<int64_t>{index};
-}
-
-void KnownEntries::check_feature(const Description& scan) const {
-  if (std::ssize(scan.feature) != extractor_.dim)
-    throw UsageError("the scan's feature has ", scan.feature.size(), " dimensions; the feature '",
+void KnownEntries::check_feature(std::span<const float> feature) const {
+  if (std::ssize(feature) != extractor_.dim)
+    throw UsageError("the scan's feature has ", feature.size(), " dimensions; the feature '",
                      extractor_.name, "' has ", extractor_.dim);
-  if (!is_usable(scan.feature)) throw UsageError("the scan's feature has ", kTooLarge);
+  if (!is_usable(feature)) throw UsageError("the scan's feature has ", kTooLarge);
 }
 
-Match KnownEntries::best(const Description& scan, std::span<const int64_t> without) const {
-  check_feature(scan);
+Match KnownEntries::best(std::span<const float> feature, std::span<const int64_t> without) const {
+  check_feature(feature);
   if (entries_.empty() || !index_) return {};
   std::vector<int64_t> excluded(without.begin(), without.end());
   std::ranges::sort(excluded);
   const auto middle = excluded.insert(excluded.end(), removed_.begin(), removed_.end());
   std::ranges::inplace_merge(excluded, middle);
-  return index_->best(descriptor_of(scan.feature), ranges_without(excluded, index_->size()),
-                      {.k = options_.k, .score = acceptance_.score()});
+  return index_->best(descriptor_of(feature), ranges_without(excluded, index_->size()),
+                      {.k = options_.k, .score = *options_.score});
 }
 
-double KnownEntries::similarity(const Description& scan, int64_t index) const {
-  check_feature(scan);
+double KnownEntries::similarity(std::span<const float> feature, int64_t index) const {
+  check_feature(feature);
   at(index);
-  return index_->similarity(descriptor_of(scan.feature), index);
+  return index_->similarity(descriptor_of(feature), index);
 }
 
 }  // namespace revisit

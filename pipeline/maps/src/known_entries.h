@@ -3,12 +3,12 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "acceptance.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/place_index.h"
 #include "stretches.h"
@@ -27,11 +27,12 @@ namespace revisit {
 class KnownEntries {
  public:
   /// `is_temporary`: nobody reads the map again, so it gets no descriptors and features.
-  KnownEntries(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore& map,
-               bool is_temporary, Acceptance& acceptance, const MapStore::Warn& warn);
+  KnownEntries(const FeatureExtractor& extractor, const MapOptions& options, MapStore& map,
+               bool is_temporary, const MapStore::Warn& warn);
 
   /// After an error the next call continues with the rest.
   void load_updates();
+  int64_t loadings() const { return loadings_; }
   bool has_updates() const { return is_behind_ || map_.has_updates(); }
   /// The entries must have features; they follow those that other processes added before. Also
   /// completes the warm-up. The final projection depends on the warm-up alone, not on batches or
@@ -45,16 +46,16 @@ class KnownEntries {
   /// Without descriptor and feature. Throws UsageError for an invalid index.
   const MapEntry& at(int64_t index) const;
   std::optional<int64_t> find(int64_t id) const;
-  std::map<int64_t, int64_t> entries_of(const std::string& drive) const;
+  DriveEntries entries_of(const std::string& drive) const;
+  std::set<std::string> drives() const;
   /// Number of entries that do not look like the preceding one; all without same_place.
   int64_t distinct() const { return stretches_ ? stretches_->count() : size(); }
   bool is_ambiguous(int64_t index) const;
-  std::vector<int64_t> around(int64_t index) const;
-  std::vector<int64_t> near(int64_t index) const;
+  std::vector<int64_t> around(int64_t index, bool margin) const;
 
-  void check_feature(const Description& scan) const;
-  Match best(const Description& scan, std::span<const int64_t> without) const;
-  double similarity(const Description& scan, int64_t index) const;
+  void check_feature(std::span<const float> feature) const;
+  Match best(std::span<const float> feature, std::span<const int64_t> without) const;
+  double similarity(std::span<const float> feature, int64_t index) const;
 
  private:
   enum class State {
@@ -80,14 +81,14 @@ class KnownEntries {
   std::vector<float> descriptor_of(std::span<const float> feature) const;
 
   const FeatureExtractor& extractor_;
-  const RecognizerOptions& options_;
+  const MapOptions& options_;
   MapStore& map_;
   const bool is_temporary_;
-  Acceptance& acceptance_;
   const MapStore::Warn& warn_;
   MapState read_to_;
   int64_t removals_known_ = 0;
   bool is_behind_ = false;
+  int64_t loadings_ = 0;
 
   State state_ = State::kCollecting;
   FloatMatrix features_;           // of all entries, until the warm-up is complete

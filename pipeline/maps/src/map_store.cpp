@@ -159,10 +159,9 @@ std::optional<std::string> read_value(SqlDriver& driver, const std::string& name
   auto bytes = read_values(driver, str("WHERE ", kNameOfValue, " = $1"), {name});
   // A corrupt byte may have changed the name. The usual values have theirs, and may be large.
   if (!bytes)
-    read_values(driver,
-                str("WHERE ", kNameOfValue, " NOT IN ('", kProjectionValue, "', '",
-                    kCalibrationValue, "', '", kVerifiedCalibrationValue, "', '", kThresholdValue,
-                    "') AND ", kNameOfValue, " NOT LIKE '", kRecordingOf, "%'"));
+    read_values(driver, str("WHERE ", kNameOfValue, " NOT IN ('", kProjectionValue, "', '",
+                            kCalibrationValue, "', '", kVerifiedCalibrationValue, "') AND ",
+                            kNameOfValue, " NOT LIKE '", kRecordingOf, "%'"));
   return bytes;
 }
 
@@ -247,6 +246,7 @@ MapStore::MapStore(std::unique_ptr<SqlDriver> driver, MapAccess access)
   MapHeader header = driver_->run(Locking::kReads, [&] { return read_header(*driver_); });
   fingerprint_ = std::move(header.fingerprint);
   descriptor_type_ = header.format;
+  driver_->has_updates();  // SQLite counts changes from the first call
 }
 
 MapStore::~MapStore() = default;
@@ -312,6 +312,7 @@ std::vector<int64_t> MapStore::add(std::span<const MapEntry> entries,
 MapState MapStore::read(int64_t after, const Take& take, const Warn& warn) const {
   MapState at{.last = std::max<int64_t>(after, 0), .revision = -1};
   const std::string& name = driver_->name();
+  driver_->has_updates();  // those so far
   driver_->transaction(Locking::kReads, [&] {
     driver_->updates = false;  // before the snapshot: later changes send another notification
     const MapHeader header = read_header(*driver_);

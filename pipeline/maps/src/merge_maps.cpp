@@ -168,8 +168,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
   const MapStore& first = *sources[0].map;
   const auto merged =
       open_map(file, MapAccess::kNew, &first.fingerprint(), first.descriptor_type());
-  for (const char* name :
-       {kProjectionValue, kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue}) {
+  for (const char* name : {kProjectionValue, kCalibrationValue, kVerifiedCalibrationValue}) {
     const auto value = first.value(name);
     const bool is_common = std::ranges::all_of(sources, [&](const Source& source) {
       return source.map->value(name).value_or("") == value.value_or("");

@@ -1,4 +1,3 @@
-#include "acceptance.h"
 #include "map_file.h"
 #include "map_format.h"
 #include "postgres_map.h"
@@ -71,6 +70,15 @@ void check_projection(const MapStore& map) {
                      fingerprint[kFeatureDimensions]);
 }
 
+void check_calibrations(const MapStore& map, const MapStore::Warn& report) {
+  for (const char* name : {kCalibrationValue, kVerifiedCalibrationValue}) try {
+      if (const auto content = map.value(name); content && !content->empty())
+        parse_calibration(*content, str("the map's ", name));
+    } catch (const InputError& error) {
+      report(error.what());
+    }
+}
+
 }  // namespace
 
 std::vector<std::string> check_map(const fs::path& file) {
@@ -80,7 +88,7 @@ std::vector<std::string> check_map(const fs::path& file) {
   try {
     const auto map = open_map(file, MapAccess::kRead);
     map->check(report);
-    check_kept(*map, report);
+    check_calibrations(*map, report);
     check_projection(*map);
   } catch (const InputError& error) {
     problems.emplace_back(error.what());

@@ -138,6 +138,12 @@ void SqliteDriver::transaction(Locking locking, const std::function<void()>& wor
   }
 }
 
+bool SqliteDriver::has_updates() {
+  const int64_t before = version_;
+  version_ = integer("PRAGMA data_version").value_or(0);  // changes with commits of others
+  return updates = updates || version_ != before;
+}
+
 void SqliteDriver::fail(int code) const {
   const int system_error = handle_ == nullptr ? 0 : sqlite3_system_errno(handle_);
   const std::string reason = system_error == 0

@@ -24,6 +24,7 @@ class SqliteDriver : public SqlDriver {
   void execute(const std::string& sql, const std::vector<SqlValue>& values = {},
                const Take& take = {}) override;
   void transaction(Locking locking, const std::function<void()>& work) override;
+  bool has_updates() override;
 
   sqlite3* handle() const { return handle_; }
   [[noreturn]] void fail(int code) const;
@@ -33,7 +34,8 @@ class SqliteDriver : public SqlDriver {
 
   std::shared_ptr<const int> lock_;  // released after the connection
   sqlite3* handle_ = nullptr;
-  int owner_;  // process
+  int owner_;             // process
+  int64_t version_ = -1;  // PRAGMA data_version of the latest has_updates()
 };
 
 }  // namespace revisit

@@ -153,7 +153,7 @@ Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::P
   return T;
 }
 
-/// Sets everything except the pose and `accepted`.
+/// Sets everything except the pose and `fits`.
 void evaluate(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
               double inlier_distance, const std::vector<Pair>& pairs, Registration* result) {
   constexpr double kLikeNormals = 0.9;  // cosine
@@ -216,7 +216,7 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   pair_points(query, place, result.T_place_query, std::max(max_distance, inlier_distance), 1,
               &pairs);
   evaluate(query, place, options.inlier_distance, pairs, &result);
-  result.accepted = result.inlier_ratio >= options.min_inlier_ratio &&
+  result.fits = result.inlier_ratio >= options.min_inlier_ratio &&
                     result.constraint >= options.min_constraint;
   return result;
 }

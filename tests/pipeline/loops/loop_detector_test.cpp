@@ -1,6 +1,8 @@
 #include "revisit/loops/loop_detector.h"
 
+#include "execute_sql.h"
 #include "local_map.h"
+#include "maps.h"
 #include "revisit/loops/loop_outputs.h"
 #include "revisit/recognition/align.h"
 #include "testing.h"
@@ -46,118 +48,113 @@ PointCloud room(double angle) {
   return cloud;
 }
 
-int64_t match_of(LoopDetector& detector, double angle, const ScanStamp& stamp) {
-  const PointCloud cloud = room(angle);
-  const Detection found = detector.take(view_of(cloud), stamp);
+const Exclusion kNone = parse_exclusion("none");
+
+/// Its walls are farther along x.
+PointCloud stretched(double angle, float factor) {
+  PointCloud cloud = room(angle);
+  for (size_t i = 1; i < cloud.points.size(); ++i) cloud.points[i].x *= factor;
+  return cloud;
+}
+
+ScanStamp stamp_at(double x, int64_t frame) {
+  return {.frame = frame, .time = {}, .pose = Eigen::Isometry3d(Eigen::Translation3d(x, 0, 0))};
+}
+
+Detection take(LoopDetector& detector, double angle, const ScanStamp& stamp = {}) {
+  return detector.take(view_of(room(angle)), stamp);
+}
+
+int64_t match_of(LoopDetector& detector, double angle, const ScanStamp& stamp = {}) {
+  const Detection found = take(detector, angle, stamp);
   EXPECT_TRUE(found.index) << found.error;
   return found.loop ? found.loop->index : -1;
 }
 
+/// On a temporary map.
+struct OnMap {
+  explicit OnMap(const LoopDetectorOptions& options = {.exclusion = kNone},
+                 const MapOptions& of_map = {}, const FeatureExtractor& extractor = first_point())
+      : map(extractor, of_map), detector(map, options) {}
+  Map map;
+  LoopDetector detector;
+};
+
 TEST(LoopDetector, ExcludesRecentScans) {
-  const auto stamp = [](int64_t frame) {
-    ScanStamp scan{.frame = frame, .time = 0.5 * static_cast<double>(frame)};
-    scan.pose.emplace(Eigen::Translation3d(2.0 * static_cast<double>(frame), 0, 0));
-    return scan;
-  };
   // Loops are more than two frames, one second or four meters apart.
-  for (const char* exclusion : {"frames=2", "seconds=1", "meters=4"}) {
-    PlaceRecognizer recognizer(first_point(), {});
-    LoopDetector detector(recognizer, {.exclusion = parse_exclusion(exclusion)});
-    for (int64_t frame = 0; frame < 3; ++frame)
-      EXPECT_EQ(match_of(detector, 0.1 * static_cast<double>(frame), stamp(frame)), -1);
-    EXPECT_EQ(match_of(detector, 0.3, stamp(3)), 0) << exclusion;
-    EXPECT_EQ(match_of(detector, 0.1, stamp(4)), 1) << exclusion;
-    if (!std::string(exclusion).starts_with("frames"))
-      expect_error<UsageError>([&] { detector.take({}, {.frame = 5}); }, {"use frames=N"});
+  for (const char* exclusion : {"frames=2", "seconds=1", "meters=4", "none"}) {
+    const bool none = exclusion == std::string("none");
+    OnMap on({.exclusion = parse_exclusion(exclusion)});
+    const auto match = [&](int64_t frame, double angle) {
+      ScanStamp scan = stamp_at(2.0 * static_cast<double>(frame), frame);
+      scan.time = 0.5 * static_cast<double>(frame);
+      return match_of(on.detector, angle, scan);
+    };
+    for (int i = 0; i < 3; ++i) EXPECT_EQ(match(i, 0.1 * i), none ? i - 1 : -1);
+    EXPECT_EQ(match(3, 0.3), none ? 2 : 0) << exclusion;
+    EXPECT_EQ(match(4, 0.1), 1) << exclusion;
+    if (none || std::string(exclusion).starts_with("frames")) continue;
+    expect_error<UsageError>([&] { on.detector.take({}, {.frame = 5}); }, {"use frames=N"});
   }
-  PlaceRecognizer recognizer(first_point(), {});
-  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none")});
-  EXPECT_EQ(match_of(detector, 0.1, {.frame = 0}), -1);
-  EXPECT_EQ(match_of(detector, 0.1, {.frame = 1}), 0);
 }
 
 TEST(LoopDetector, StoresNoScanWithoutDescription) {
-  PlaceRecognizer recognizer(first_point(), {});
-  LoopDetector detector(recognizer, {});
+  OnMap on;
   PointCloud one;
   one.points.push_back({1, 2, 3, 0});
-  const Detection found = detector.take(view_of(one), {});
-  EXPECT_FALSE(found.index);
-  EXPECT_FALSE(found.loop);
+  const Detection found = on.detector.take(view_of(one), {});
+  EXPECT_FALSE(found.index || found.loop);
   EXPECT_EQ(found.error, "fewer than two points");
-  EXPECT_EQ(recognizer.size(), 0);
+  EXPECT_EQ(on.map.size(), 0);
 }
 
 TEST(LoopDetector, ExcludesTheHaltOfAScan) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
-  PlaceRecognizer recognizer(extractor, {});
-  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("frames=3")});
+  OnMap on({.exclusion = parse_exclusion("frames=3")}, {}, extractor);
   int64_t frame = 0;
-  const auto match = [&](double angle) { return match_of(detector, angle, {.frame = frame++}); };
+  const auto match = [&](double angle) { return match_of(on.detector, angle, {.frame = frame++}); };
   EXPECT_EQ(match(2), -1);
   for (int i = 0; i < 20; ++i) EXPECT_LE(match(0), 0) << "only the entry before the halt";
   for (int i = 0; i < 5; ++i) match(3);
   EXPECT_GE(match(0.01), 1) << "back at the halt";
 }
 
-TEST(LoopDetector, RegistersSimilarEntriesOnly) {
-  PlaceRecognizer recognizer(first_point(), {});
-  for (const auto& [threshold, rejection] : {std::pair(0.1, "similarity"), {0.5, "score"}}) {
-    LoopDetector detector(recognizer,
-                          {.exclusion = parse_exclusion("none"), .threshold = threshold});
-    match_of(detector, 0, {});
-    const PointCloud cloud = room(1.3);  // its similarity is 0.27
-    const Detection found = detector.take(view_of(cloud), {});
-    EXPECT_FALSE(found.registered);
-    EXPECT_EQ(found.rejection, rejection);
-    recognizer.remove(std::vector<int64_t>{*found.index});
-  }
-}
-
 TEST(LoopDetector, RegistersSimilarEntries) {
-  PlaceRecognizer recognizer(first_point(), {});
-  const LoopDetectorOptions options{
-      .drive = "monday", .exclusion = parse_exclusion("none"), .verify = true};
-  LoopDetector detector(recognizer, options);
-  for (const double angle : {0.0, 2.0, 4.0, 5.0}) match_of(detector, angle, {});
-  const PointCloud cloud = room(2);
-  const Detection found = detector.take(view_of(cloud), {});
+  OnMap on({.drive = "monday", .exclusion = kNone, .verify = true});
+  for (const double angle : {0.0, 2.0, 4.0, 5.0}) match_of(on.detector, angle);
+  const Detection found = take(on.detector, 2);
   ASSERT_TRUE(found.loop && found.registered);
   EXPECT_EQ(found.loop->index, 1);
   EXPECT_EQ(found.loop->drive, "monday");
-  EXPECT_TRUE(found.registered->accepted);
-  EXPECT_TRUE(found.loop->accepted);
+  EXPECT_TRUE(found.registered->fits && found.accepted);
   EXPECT_EQ(found.rejection, "");
   // Points are kept in steps of 1/32 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
-  PointCloud other = room(2);  // looks alike, but its walls are elsewhere
-  for (size_t i = 1; i < other.points.size(); ++i) other.points[i].x *= 2.5F;
-  const Detection rejected = detector.take(view_of(other), {});
-  ASSERT_TRUE(rejected.loop && rejected.registered);
-  EXPECT_FALSE(rejected.registered->accepted);
-  EXPECT_FALSE(rejected.loop->accepted);
-  EXPECT_EQ(rejected.rejection, "registration");
+  const Detection elsewhere = on.detector.take(view_of(stretched(2, 2.5)), {});
+  ASSERT_TRUE(elsewhere.loop && elsewhere.registered);
+  EXPECT_FALSE(elsewhere.registered->fits || elsewhere.accepted);
+  EXPECT_EQ(elsewhere.rejection, "registration");
+  for (const auto& [threshold, rejection] : {std::pair(0.1, "similarity"), {0.5, "score"}}) {
+    OnMap dissimilar({.exclusion = kNone, .threshold = threshold});
+    take(dissimilar.detector, 0);
+    const Detection odd = take(dissimilar.detector, 1.3);  // its similarity is 0.27
+    EXPECT_FALSE(odd.registered || odd.accepted);
+    EXPECT_EQ(odd.rejection, rejection);
+  }
 }
 
 /// Another room is the most similar to the query; the room itself is a little less similar.
 TEST(LoopDetector, ChoosesTheEntryThatFits) {
-  PlaceRecognizer recognizer(first_point(), {});
-  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .threshold = 1.2});
-  const auto take = [&](double angle, double stretch) {
-    PointCloud cloud = room(angle);
-    for (size_t i = 1; i < cloud.points.size(); ++i)
-      cloud.points[i].x *= static_cast<float>(stretch);
-    return detector.take(view_of(cloud), {});
-  };
-  take(2, 2.5);
-  EXPECT_FALSE(take(4, 1).registered) << "its similarity is -0.4";
-  take(2.3, 1);
-  const Detection found = take(2.1, 1);
+  OnMap on({.exclusion = kNone, .threshold = 1.2});
+  on.detector.take(view_of(stretched(2, 2.5)), {});
+  EXPECT_FALSE(take(on.detector, 4).registered) << "its similarity is -0.4";
+  take(on.detector, 2.3);
+  const Detection found = take(on.detector, 2.1);
   ASSERT_TRUE(found.loop && found.registered);
   EXPECT_EQ(found.loop->index, 2);
-  EXPECT_TRUE(found.loop->accepted);
+  EXPECT_TRUE(found.accepted);
   EXPECT_NEAR(found.loop->similarity, std::cos(0.2), 1e-6);
   EXPECT_EQ(found.loop->score, found.loop->similarity + found.registered->inlier_ratio);
   EXPECT_EQ(found.loop->probability, verified_calibration().probability(found.loop->score));
@@ -167,8 +164,7 @@ TEST(LoopDetector, ChoosesTheEntryThatFits) {
 TEST(LoopDetector, PrefersAcceptedRegistrations) {
   for (const double corner_at : {1.0, 1.1}) {  // more similar than the walls, and less
     SCOPED_TRACE(corner_at);
-    PlaceRecognizer recognizer(first_point(), {});
-    LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .threshold = 0.8});
+    OnMap on({.exclusion = kNone, .threshold = 0.8});
     const auto take = [&](double angle, const auto& is_seen) {
       PointCloud cloud = room(angle);
       std::erase_if(cloud.points, [&](const Point& p) {
@@ -176,93 +172,221 @@ TEST(LoopDetector, PrefersAcceptedRegistrations) {
         return !floor && !is_seen(p);
       });
       cloud.points.insert(cloud.points.begin(), room(angle).points[0]);
-      return detector.take(view_of(cloud), {});
+      return on.detector.take(view_of(cloud), {});
     };
     take(corner_at, [](const Point& p) { return p.x > 9.9F || (p.y > 7.9F && p.x > -4); });
     take(-1.05, [](const Point& p) { return std::abs(p.x) < 9.9F; });
     const Detection found = take(0, [](const Point&) { return true; });
     ASSERT_TRUE(found.loop && found.registered);
     EXPECT_EQ(found.loop->index, 0);
-    EXPECT_TRUE(found.loop->accepted);
+    EXPECT_TRUE(found.accepted);
   }
 }
 
-TEST(LoopDetector, AcceptsRegisteredLoopsByTheirCalibration) {
+/// Matches with scores below 0.2 are incorrect, from `correct_from` on correct, in between mostly
+/// correct.
+Calibration some_calibration(double correct_from, Score score) {
+  return {.score = score,
+          .trained_on = "a town",
+          .blocks = {{-1, 1000, 0}, {0.2, 1000, 600}, {correct_from, 1000, 1000}}};
+}
+
+FeatureExtractor calibrated() {
+  FeatureExtractor extractor = first_point();
+  extractor.calibration = some_calibration(1.1, Score::kMargin);
+  return extractor;
+}
+
+/// Extends it to `entries` entries.
+void add_circle(Map& map, int64_t entries) {
+  while (map.size() < entries)
+    add_scan(map, map.describe(view_of(room(0.25 * static_cast<double>(map.size())))));
+}
+
+TEST(LoopDetector, AcceptsByTheCalibrationOfTheFeature) {
+  OnMap on({.verify = false}, {}, calibrated());
+  EXPECT_EQ(on.detector.score(), Score::kMargin);
+  EXPECT_EQ(on.detector.threshold(), 1.1);
+  for (const int64_t entries : {10, 25}) {
+    add_circle(on.map, entries);
+    int accepted = 0;
+    for (double angle = 0; angle < 2; angle += 0.05) {  // at entries and between them
+      const Detection found = on.detector.query(view_of(room(angle)));
+      const auto n = static_cast<double>(entries);
+      ASSERT_TRUE(found.loop);
+      // With 10 distinct entries, the next one is new with a probability of 0.09.
+      EXPECT_EQ(found.accepted, entries == 25 && found.loop->score >= 1.1);
+      EXPECT_EQ(found.rejection, found.accepted ? "" : "score");
+      EXPECT_EQ(found.loop->probability,
+                std::min(n / (n + 1), calibrated().calibration->probability(found.loop->score)));
+      accepted += found.accepted ? 1 : 0;
+    }
+    EXPECT_EQ(accepted > 0, entries == 25);
+    EXPECT_LT(accepted, 40);
+  }
+  for (const MapOptions& other : {MapOptions{.k = 2}, MapOptions{.score = Score::kSimilarity}}) {
+    OnMap uncalibrated({.verify = false}, other, calibrated());
+    LoopDetector& detector = uncalibrated.detector;
+    add_circle(uncalibrated.map, 25);
+    EXPECT_FALSE(detector.threshold() || detector.calibration());
+    const Detection found = detector.query(view_of(room(1)));
+    EXPECT_FALSE(found.accepted || found.loop->probability);
+    expect_error<UsageError>([&] { detector.calibrate(*calibrated().calibration); }, {"k = 4"});
+  }
+}
+
+TEST(LoopDetector, RejectsInvalidOptions) {
+  Map map(first_point(), {});
+  for (const bool verify : {true, false}) {
+    for (const double precision : {0.0, 1.0, -1.0, 2.0, std::nan("")})
+      expect_error<UsageError>(
+          [&] { LoopDetector(map, {.verify = verify, .target_precision = precision}); },
+          {"precision"});
+    for (const double threshold : {std::nan(""), double{INFINITY}})
+      expect_error<UsageError>(
+          [&] { LoopDetector(map, {.verify = verify, .threshold = threshold}); }, {"threshold"});
+  }
+  expect_error<UsageError>([&] { LoopDetector(map, {.map = "a.map"}); },
+                           {"LoopDetectorOptions::map: a.map", "one of the two"});
+}
+
+TEST(LoopDetector, PrefersTheCalibrationOfTheMap) {
+  for (const bool verify : {true, false}) {
+    SCOPED_TRACE(verify);
+    const TempDir dir;
+    const Score score = verify ? Score::kVerified : Score::kMargin;
+    const Calibration usual = verify ? verified_calibration() : *calibrated().calibration;
+    const Calibration own = some_calibration(1.2, score);
+    Map temporary(calibrated(), {}), file(calibrated(), {}, map_in(dir / "map", calibrated()));
+    Map reader(calibrated(), {}, open_map(dir / "map", MapAccess::kRead));
+    LoopDetector following(reader, {.verify = verify});
+    for (Map* map : {&temporary, &file}) {
+      const auto threshold = [&](LoopDetectorOptions options) {
+        options.verify = verify;
+        return LoopDetector(*map, options).threshold();
+      };
+      LoopDetector detector(*map, {.verify = verify});
+      EXPECT_EQ(detector.score(), score);
+      EXPECT_EQ(detector.threshold(), usual.threshold_for(verify ? 0.99 : 0.95));
+      expect_error<UsageError>([&] { detector.calibrate(Calibration{}); }, {"no blocks"});
+      EXPECT_EQ(detector.calibration(), usual);
+      detector.calibrate(own);
+      EXPECT_EQ(detector.threshold(), 1.2);
+      EXPECT_EQ(LoopDetector(*map, {.verify = verify}).calibration(), own);
+      EXPECT_EQ(threshold({.threshold = 0.1}), 0.1);
+      EXPECT_EQ(threshold({.target_precision = 0.7}), 0.2);
+      EXPECT_EQ(threshold({.target_precision = 0.9999}), std::nullopt);
+    }
+    following.query(view_of(room(1)));
+    EXPECT_EQ(following.calibration(), own) << "of another process";
+  }
+}
+
+/// The map can still be opened, in order to calibrate it again.
+TEST(LoopDetector, IgnoresUnusableCalibrationsOfAMap) {
+  const std::string other = calibration_content(some_calibration(1.2, Score::kSimilarity));
+  const std::string bad = "nonsense";
+  struct Case {
+    bool verify;
+    std::string content, problem, name = verify ? kVerifiedCalibrationValue : kCalibrationValue;
+    bool is_corrupt = problem.ends_with("is wrong");
+  };
+  for (const auto& [verify, content, problem, name, is_corrupt] :
+       {Case{false, bad, "the map's calibration: not a usable"},
+        Case{true, bad, "the map's verified calibration: not a usable"},
+        Case{false, other, "for k = 4 and the score similarity, not for k = 4 and margin"},
+        Case{true, other, "for k = 4 and the score similarity, not for k = 4 and verified"},
+        Case{true, other, "is for loops without registration", kCalibrationValue},
+        Case{false, other, "the checksum of a value is wrong"},
+        Case{true, other, "the checksum of a value is wrong"}}) {
+    SCOPED_TRACE(problem);
+    const TempDir dir;
+    const fs::path file = dir / "a.map";
+    map_in(file, first_point())->set_value(name, content);
+    if (is_corrupt)
+      execute_sql(file, str("UPDATE value SET bytes = 'x' WHERE name = '", name, "'"));
+    EXPECT_EQ(check_map(file).size(), is_corrupt || content == bad ? 1 : 0);
+    Map map(calibrated(), {}, map_in(file, first_point()));
+    Map reader(calibrated(), {}, open_map(file, MapAccess::kRead));
+    std::vector<std::string> warnings;
+    LoopDetector detector(reader, {.verify = verify, .warn = into(warnings)});
+    for (int i = 0; i < 3; ++i) {
+      add_circle(map, i + 1);
+      detector.query(view_of(room(1)));
+    }
+    EXPECT_EQ(detector.calibration(), verify ? verified_calibration() : *calibrated().calibration);
+    ASSERT_EQ(warnings.size(), 1);
+    EXPECT_HAS(warnings[0], problem);
+    EXPECT_HAS(warnings[0], "ignored; calibrate the map again");
+    const Calibration own = some_calibration(1.3, detector.score());
+    LoopDetector(map, {.verify = verify, .warn = into(warnings)}).calibrate(own);
+    detector.query(view_of(room(1)));
+    EXPECT_EQ(detector.threshold(), 1.3);
+  }
+}
+
+TEST(LoopDetector, AcceptsNoAmbiguousLoops) {
+  FeatureExtractor extractor = first_point();
+  extractor.comparison.same_place = 0.9;
+  OnMap on({.exclusion = kNone, .verify = false}, {}, extractor);
+  for (int i = 0; i < 100; ++i) {  // a tunnel from frame 40 to 80, with two views by turns
+    const double angle = i >= 40 && i < 80 ? 0.4 * (i % 2) : i + 0.5;
+    take(on.detector, angle, stamp_at(i, i));
+  }
+  for (const bool verify : {true, false})
+    for (const bool in_tunnel : {true, false}) {
+      LoopDetector detector(on.map, {.verify = verify, .threshold = -9});
+      const Detection found = detector.query(view_of(room(in_tunnel ? 0 : 1.5)));
+      ASSERT_TRUE(found.loop);
+      EXPECT_EQ(found.loop->ambiguous, in_tunnel);
+      EXPECT_EQ(found.rejection, in_tunnel ? "ambiguous" : "");
+      EXPECT_EQ(found.accepted, !in_tunnel);
+    }
+}
+
+TEST(LoopDetector, QueryAddsNothing) {
+  for (const bool verify : {true, false}) {
+    OnMap on({.verify = verify, .threshold = 0.5});
+    EXPECT_FALSE(on.detector.query(view_of(room(1))).loop);
+    EXPECT_EQ(on.detector.query({}).error, "the scan has no points");
+    for (const double angle : {1, 2, 3}) match_of(on.detector, angle);
+    const Detection found = on.detector.query(view_of(room(2)));
+    ASSERT_TRUE(found.accepted && !found.index) << found.rejection;
+    EXPECT_EQ(found.loop->index, 1) << "without exclusion";
+    EXPECT_EQ(found.registered.has_value(), verify);
+    EXPECT_EQ(on.map.size(), 3);
+  }
+}
+
+TEST(LoopDetector, FindsLoopsInAMapByPath) {
   const TempDir dir;
-  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), {});
-  const auto recognizer = [&] {
-    return PlaceRecognizer(first_point(), {.threshold = 7},
-                           open_map(dir / "map", MapAccess::kWrite, &fingerprint));
-  };
-  {
-    PlaceRecognizer first = recognizer();
-    const LoopDetector detector(first, {});
-    EXPECT_EQ(detector.score(), Score::kVerified);
-    EXPECT_EQ(detector.calibration(), verified_calibration());
+  std::vector<std::string> messages;
+  const auto session = [&](const std::string& drive) {
+    LoopDetector detector({.map = dir / "site.map", .drive = drive, .warn = into(messages)});
+    EXPECT_TRUE(detector.verifies());
     EXPECT_EQ(detector.threshold(), verified_calibration().threshold_for(0.99));
-    EXPECT_EQ(LoopDetector(first, {.threshold = 0.8}).threshold(), 0.8);
-    EXPECT_FALSE(LoopDetector(first, {.target_precision = 0.99999}).threshold());
-    expect_error<UsageError>([&] { LoopDetector(first, {.target_precision = 2}); }, {"precision"});
-    expect_error<UsageError>([&] { LoopDetector(first, {.threshold = NAN}); }, {"threshold"});
-    EXPECT_EQ(LoopDetector(first, {.verify = false}).threshold(), 7);
-    Calibration own = verified_calibration();
-    own.trained_on = "a town";
-    own.blocks = {{0.2, 1000, 0}, {1.3, 1000, 1000}};
-    first.calibrate(own);
-  }
-  {
-    PlaceRecognizer again = recognizer();
-    EXPECT_EQ(LoopDetector(again, {}).threshold(), 1.3) << "kept in the map";
-    EXPECT_EQ(again.threshold(), 7) << "of what is not registered";
-  }
-  Calibration other = verified_calibration();
-  other.score = Score::kMargin;
-  open_map(dir / "map", MapAccess::kWrite)
-      ->set_value(kVerifiedCalibrationValue, calibration_content(other));
-  PlaceRecognizer odd = recognizer();
-  EXPECT_EQ(LoopDetector(odd, {}).calibration(), verified_calibration()) << "left aside";
-}
-
-/// Its first scan has no preceding motion, so it differs a little from the one in the map.
-TEST(LoopDetector, ResumesADeskewedRecording) {
-  PlaceRecognizer recognizer(first_point(), {});
-  const auto drive = [&](int first, double start, double clock) {
-    LoopDetector detector(recognizer, {.drive = "monday", .exclusion = parse_exclusion("none")});
-    for (int frame = first; frame < 6; ++frame)
-      match_of(detector, start + 0.2 * frame, {.frame = frame, .time = clock + 0.1 * frame});
-    return detector.drive();
+    return take(detector, 1);
   };
-  EXPECT_EQ(drive(0, 0, 1.7e9), "monday");
-  EXPECT_EQ(drive(2, 0.1, 1.7e9), "monday") << "its similarity is 0.995";
-  EXPECT_EQ(drive(2, 0.1, 1.8e9), "monday-2");
+  EXPECT_FALSE(session("monday").loop);
+  const Detection found = session("tuesday");
+  ASSERT_TRUE(found.accepted) << found.rejection << found.error;
+  EXPECT_EQ(found.loop->drive, "monday");
+  EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
+  ASSERT_EQ(messages.size(), 1);
+  EXPECT_HAS(messages[0], "sensor: ");
 }
 
 TEST(LoopDetector, ExcludesOverlappingLocalMaps) {
-  PlaceRecognizer recognizer(first_point(), {});
-  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .local_map = 20});
+  OnMap on({.exclusion = kNone}, {.local_map = 20});
   for (int x = 0; x <= 60; x += 4) {
-    const PointCloud cloud = room(x);
-    ScanStamp stamp{.frame = x};
-    stamp.pose.emplace(Eigen::Translation3d(x, 0, 0));
-    const Detection found = detector.take(view_of(cloud), stamp);
+    const Detection found = take(on.detector, x, stamp_at(x, x));
     EXPECT_EQ(found.loop.has_value(), x > 20) << x;
-    if (found.loop) {
-      EXPECT_LT(found.loop->frame, x - 20);
-    }
+    EXPECT_LT(found.loop.value_or(Loop{.frame = -99}).frame, x - 20);
   }
-}
-
-TEST(LoopDetector, RejectsMapsOfOtherLocalMaps) {
   const TempDir dir;
-  const RecognizerOptions options{.local_map = 10};
-  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), options);
-  PlaceRecognizer recognizer(first_point(), options,
-                             open_map(dir / "map", MapAccess::kWrite, &fingerprint));
-  LoopDetector(recognizer, {.local_map = 10});
-  expect_error<UsageError>([&] { LoopDetector(recognizer, {}); }, {"local map", "10 m"});
-  expect_error<InputError>(
-      [&] { PlaceRecognizer(first_point(), {}, open_map(dir / "map", MapAccess::kRead)); },
-      {"local map: the map has '10 m', this program none"});
+  map_in(dir / "map", first_point(), {.local_map = 10});
+  expect_error<InputError>([&] { Map(first_point(), {}, open_map(dir / "map", MapAccess::kRead)); },
+                           {"local map: the map has '10 m', this program none"});
 }
 
 /// Must be equal to what the drives yield (verified_calibration.py).
@@ -277,20 +401,18 @@ TEST(VerifiedCalibration, ReachesThePrecisionOf99Percent) {
 }
 
 TEST(LoopDetector, AccumulatesTheLastMeters) {
-  LocalMap map(20);
+  LocalMap walls(20);
   PointsView seen;
+  Eigen::Isometry3d here;
   for (int x = 0; x <= 40; x += 2) {
     PointCloud ahead;
     for (float y = -5; y <= 5; y += 0.5F) ahead.points.push_back({2, y, 1, 0});
-    const Eigen::Isometry3d pose(Eigen::Translation3d(x, 3, 0) *
-                                 Eigen::AngleAxisd(0.01 * x, Eigen::Vector3d::UnitZ()));
-    seen = map.add(view_of(ahead), pose);
+    here = Eigen::Translation3d(x, 3, 0) * Eigen::AngleAxisd(0.01 * x, Eigen::Vector3d::UnitZ());
+    seen = walls.add(view_of(ahead), here);
   }
   PointCloud cloud;
   copy_points(seen, cloud);
   EXPECT_EQ(cloud.points.size(), 11 * 21) << "voxels are smaller than the steps";
-  const Eigen::Isometry3d here(Eigen::Translation3d(40, 3, 0) *
-                               Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()));
   double first = 100, last = 0;
   for (const Point& p : cloud.points) {
     const Eigen::Vector3d at = here * Eigen::Vector3d(p.x, p.y, p.z);
@@ -301,17 +423,13 @@ TEST(LoopDetector, AccumulatesTheLastMeters) {
   EXPECT_NEAR(first, 22, 0.3);
   EXPECT_NEAR(last, 42, 0.6);
 
-  PlaceRecognizer recognizer(first_point(), {});
-  expect_error<UsageError>([&] { LoopDetector(recognizer, {.local_map = 500}); }, {"1 to 200 m"});
-  LoopDetector detector(recognizer, {.local_map = 20});
-  EXPECT_HAS(detector.take(view_of(cloud), {.frame = 5}).error, "scan 5 has no pose");
+  OnMap on({}, {.local_map = 20});
+  EXPECT_HAS(on.detector.take(view_of(cloud), {.frame = 5}).error, "scan 5 has no pose");
   PointCloud one;
   one.points.push_back({20, 0, 0, 0});
-  for (const int x : {0, 1}) {
-    ScanStamp stamp{.frame = x};
-    stamp.pose.emplace(Eigen::Translation3d(x, 0, 0));
-    EXPECT_EQ(detector.take(view_of(one), stamp).error, x == 0 ? "fewer than two points" : "");
-  }
+  for (const int x : {0, 1})
+    EXPECT_EQ(on.detector.take(view_of(one), stamp_at(x, x)).error,
+              x == 0 ? "fewer than two points" : "");
 }
 
 TEST(LoopDetector, SubtractsOldScansExactly) {
@@ -346,102 +464,106 @@ TEST(LoopDetector, SubtractsOldScansExactly) {
   expect_error<UsageError>([&] { late.add({}, nowhere); }, {"not finite"});
 }
 
+struct Resumed {
+  std::string drive;
+  std::vector<int64_t> matches;
+  bool operator==(const Resumed&) const = default;
+};
+
+/// Takes scans `first` to `last` of a recording by a new detector. `clock` [s]: its start.
+Resumed resume(Map& map, int first, int last, double start, const char* exclusion = "none",
+               std::optional<double> clock = {}) {
+  LoopDetector detector(map, {.drive = "monday", .exclusion = parse_exclusion(exclusion)});
+  Resumed result;
+  for (int frame = first; frame < last; ++frame) {
+    ScanStamp stamp{.frame = frame};
+    if (clock) stamp.time = *clock + 0.1 * frame;
+    result.matches.push_back(match_of(detector, start + 0.2 * frame, stamp));
+  }
+  result.drive = detector.drive();
+  return result;
+}
+
 TEST(LoopDetector, ResumesRecordingsByContent) {
-  PlaceRecognizer recognizer(first_point(), {});
-  const auto drive = [&](int first, int last, double start) {
-    LoopDetector detector(recognizer,
-                          {.drive = "monday", .exclusion = parse_exclusion("frames=1")});
-    std::vector<int64_t> matches;
-    for (int frame = first; frame < last; ++frame)
-      matches.push_back(match_of(detector, start + 0.2 * frame, {.frame = frame}));
-    return std::pair(detector.drive(), matches);
+  Map map(first_point(), {});
+  const auto drive = [&](int last, double start) {
+    return resume(map, 0, last, start, "frames=1");
   };
-  const auto killed = drive(0, 6, 0);
-  EXPECT_EQ(killed, std::pair(std::string("monday"), (std::vector<int64_t>{-1, -1, 0, 1, 2, 3})));
-  EXPECT_EQ(recognizer.size(), 6);
-  const auto again = drive(0, 8, 0);  // as without the kill
-  EXPECT_EQ(again,
-            std::pair(std::string("monday"), (std::vector<int64_t>{-1, -1, 0, 1, 2, 3, 4, 5})));
-  EXPECT_EQ(recognizer.size(), 8);
+  EXPECT_EQ(drive(6, 0), (Resumed{"monday", {-1, -1, 0, 1, 2, 3}})) << "then it is killed";
+  EXPECT_EQ(map.size(), 6);
+  EXPECT_EQ(drive(8, 0), (Resumed{"monday", {-1, -1, 0, 1, 2, 3, 4, 5}}));
+  EXPECT_EQ(map.size(), 8);
   // Entries 0 to 7 are of another recording: its first scan may match any of them.
-  EXPECT_EQ(drive(0, 2, 1).first, "monday-2");
-  EXPECT_EQ(recognizer.size(), 10);
-  EXPECT_EQ(drive(0, 2, 1), std::pair(std::string("monday-2"), (std::vector<int64_t>{5, 6})));
-  EXPECT_EQ(recognizer.size(), 10);
+  EXPECT_EQ(drive(2, 1).drive, "monday-2");
+  EXPECT_EQ(map.size(), 10);
+  EXPECT_EQ(drive(2, 1), (Resumed{"monday-2", {5, 6}}));
+  EXPECT_EQ(map.size(), 10);
+}
+
+/// Its first scan has no preceding motion, so it differs a little from the one in the map.
+TEST(LoopDetector, ResumesADeskewedRecording) {
+  Map map(first_point(), {});
+  const auto drive = [&](int first, double start, double clock) {
+    return resume(map, first, 6, start, "none", clock).drive;
+  };
+  EXPECT_EQ(drive(0, 0, 1.7e9), "monday");
+  EXPECT_EQ(drive(2, 0.1, 1.7e9), "monday") << "its similarity is 0.995";
+  EXPECT_EQ(drive(2, 0.1, 1.8e9), "monday-2");
 }
 
 /// The first entry was removed, or its folder had fewer scans the first time.
 TEST(LoopDetector, ResumesWithoutTheFirstEntry) {
-  PlaceRecognizer recognizer(first_point(), {});
-  const auto drive = [&](int first, int last, double start) {
-    LoopDetector detector(recognizer, {.drive = "monday", .exclusion = parse_exclusion("none")});
-    for (int frame = first; frame < last; ++frame)
-      match_of(detector, start + 0.2 * frame, {.frame = frame});
-    return detector.drive();
-  };
-  drive(3, 7, 0);
-  EXPECT_EQ(drive(0, 7, 0), "monday");
-  EXPECT_EQ(recognizer.size(), 7);
-  recognizer.remove(std::vector<int64_t>{5, 6});
-  EXPECT_EQ(drive(0, 7, 0), "monday");
-  EXPECT_EQ(recognizer.size(), 9) << "what was removed is added again";
+  Map map(first_point(), {});
+  resume(map, 3, 7, 0);
+  EXPECT_EQ(resume(map, 0, 7, 0).drive, "monday");
+  EXPECT_EQ(map.size(), 7);
+  map.remove(std::vector<int64_t>{5, 6});
+  EXPECT_EQ(resume(map, 0, 7, 0).drive, "monday");
+  EXPECT_EQ(map.size(), 9) << "what was removed is added again";
 }
 
 TEST(LoopDetector, ResumesRecordingsOfMergedMaps) {
-  PlaceRecognizer recognizer(first_point(), {});
-  for (const auto& [name, angle] : {std::pair("monday", 1.0), std::pair("robot/monday", 2.0)}) {
-    const PointCloud cloud = room(angle);
-    recognizer.add(recognizer.describe(view_of(cloud)), {.drive = name});
-  }
-  LoopDetector detector(recognizer, {.drive = "monday", .exclusion = parse_exclusion("frames=9")});
-  EXPECT_EQ(match_of(detector, 2, {}), 0);
-  EXPECT_EQ(detector.drive(), "robot/monday");
-  EXPECT_EQ(recognizer.size(), 2);
+  Map map(first_point(), {});
+  for (const auto& [name, angle] : {std::pair("monday", 1.0), std::pair("robot/monday", 2.0)})
+    add_scan(map, map.describe(view_of(room(angle))), {.drive = name});
+  EXPECT_EQ(resume(map, 0, 1, 2, "frames=9"), (Resumed{"robot/monday", {0}}));
+  EXPECT_EQ(map.size(), 2);
 }
 
 TEST(LoopDetector, AddsOneScanOfAFirstHalt) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
-  extractor.fit_projection = [comparison = extractor.comparison](const Rows&,
-                                                                 std::span<const int64_t>) {
-    Projection projection;
-    projection.dim = 3;
-    projection.describe = [](std::span<const float> feature, std::span<float> descriptor) {
+  extractor.fit_projection = [same = extractor.comparison](auto&&...) {
+    const auto copy = [](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::copy(feature, descriptor.begin());
     };
-    projection.comparison = comparison;
-    return projection;
+    return Projection{.dim = 3, .describe = copy, .comparison = same};
   };
-  PlaceRecognizer recognizer(extractor, {.warmup = 3});
-  LoopDetector detector(recognizer, {});
-  auto take = [&, frame = int64_t{0}](double angle) mutable {
-    const PointCloud cloud = room(angle);
-    return detector.take(view_of(cloud), {.frame = frame++});
+  OnMap on({}, {.warmup = 3}, extractor);
+  auto next = [&, frame = int64_t{0}](double angle) mutable {
+    return take(on.detector, angle, {.frame = frame++});
   };
-  for (int i = 0; i < 30; ++i) EXPECT_EQ(take(0).index.has_value(), i == 0);
-  EXPECT_FALSE(recognizer.is_warmed_up());
-  for (const double angle : {1, 2}) EXPECT_TRUE(take(angle).index);
-  EXPECT_TRUE(recognizer.is_warmed_up());
-  EXPECT_TRUE(take(2).index) << "now halts are stored";
+  for (int i = 0; i < 30; ++i) EXPECT_EQ(next(0).index.has_value(), i == 0);
+  EXPECT_FALSE(on.map.is_warmed_up());
+  for (const double angle : {1, 2}) EXPECT_TRUE(next(angle).index);
+  EXPECT_TRUE(on.map.is_warmed_up());
+  EXPECT_TRUE(next(2).index) << "now halts are stored";
 }
 
 TEST(LoopDetector, RegistersEntriesOfEarlierSessions) {
   const TempDir dir;
   const auto session = [&](const std::string& drive, bool keep_clouds) {
-    const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), {});
-    PlaceRecognizer recognizer(first_point(), {},
-                               open_map(dir / "map", MapAccess::kWrite, &fingerprint));
-    LoopDetector detector(recognizer, {.drive = drive,
-                                       .exclusion = parse_exclusion("frames=10"),
-                                       .verify = true,
-                                       .keep_clouds = keep_clouds});
-    const PointCloud cloud = room(drive == "wednesday" ? 0.7 : 2);
-    return detector.take(view_of(cloud), {});
+    Map map(first_point(), {}, map_in(dir / "map", first_point()));
+    LoopDetector detector(map, {.drive = drive,
+                                .exclusion = parse_exclusion("frames=10"),
+                                .verify = true,
+                                .keep_clouds = keep_clouds});
+    return take(detector, drive == "wednesday" ? 0.7 : 2);
   };
   EXPECT_FALSE(session("monday", true).loop);
   const Detection tuesday = session("tuesday", false);
   ASSERT_TRUE(tuesday.registered);
-  EXPECT_TRUE(tuesday.loop->accepted);
+  EXPECT_TRUE(tuesday.accepted);
   EXPECT_TRUE(tuesday.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
   session("wednesday", false);
   const Detection without = session("wednesday", false);  // the same scan: resumed
@@ -449,39 +571,32 @@ TEST(LoopDetector, RegistersEntriesOfEarlierSessions) {
 }
 
 TEST(LoopDetector, RejectsEntriesWithoutPoints) {
-  PlaceRecognizer recognizer(first_point(), {});
-  LoopDetector detector(
-      recognizer, {.exclusion = parse_exclusion("none"), .verify = true, .keep_clouds = false});
-  const PointCloud cloud = room(2);
-  EXPECT_EQ(detector.take(view_of(cloud), {}).rejection, "");
-  const Detection found = detector.take(view_of(cloud), {.frame = 1});
-  ASSERT_TRUE(found.loop);
-  EXPECT_FALSE(found.loop->accepted);
+  OnMap on({.exclusion = kNone, .verify = true, .keep_clouds = false});
+  EXPECT_EQ(take(on.detector, 2).rejection, "");
+  const Detection found = take(on.detector, 2, {.frame = 1});
+  EXPECT_TRUE(found.loop && !found.accepted);
   EXPECT_EQ(found.rejection, "no points");
 }
 
 TEST(LoopDetector, TransformsResultsToSensorFrames) {
   const Eigen::Isometry3d mount = parse_mount("180,0,20,0.2,0,0.5");
-  PlaceRecognizer recognizer(first_point(), {.mount = mount});
-  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .verify = true});
+  OnMap on({.exclusion = kNone, .verify = true}, {.mount = mount}), mounted;
   // A sensor upside down sees the room, then again 0.5 m further on.
   const Eigen::Isometry3d moved(Eigen::Translation3d(0.5, 0.2, 0));
   PointCloud entry = room(2), query = entry;
   transform(mount.inverse(), entry);
   transform(mount.inverse() * moved.inverse(), query);
-  detector.take(view_of(entry), {});
-  const Detection found = detector.take(view_of(query), {});
+  on.detector.take(view_of(entry), {});
+  const Detection found = on.detector.take(view_of(query), {});
   ASSERT_TRUE(found.registered);
-  EXPECT_TRUE(found.registered->accepted) << found.registered->inlier_ratio;
+  EXPECT_TRUE(found.registered->fits) << found.registered->inlier_ratio;
   const Eigen::Isometry3d expected = mount.inverse() * moved * mount;
   EXPECT_TRUE(found.registered->T_place_query.isApprox(expected, 0.02));
   // A small motion of the query has the same information as with mounted points.
   transform(mount, entry);
   transform(mount, query);
-  PlaceRecognizer mounted(first_point(), {});
-  LoopDetector plain(mounted, {.exclusion = parse_exclusion("none"), .verify = true});
-  plain.take(view_of(entry), {});
-  const Detection same = plain.take(view_of(query), {});
+  mounted.detector.take(view_of(entry), {});
+  const Detection same = mounted.detector.take(view_of(query), {});
   ASSERT_TRUE(same.registered);
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   for (int i = 0; i < 6; ++i) {  // translations along and rotations about the axes
@@ -501,15 +616,10 @@ TEST(LoopDetector, TransformsResultsToSensorFrames) {
 
 TEST(LoopDetector, StoresKeyframesAndQueriesAllScans) {
   for (const char* rule : {"meters=3", "similarity=0.9"}) {
-    PlaceRecognizer recognizer(first_point(), {});
-    LoopDetector detector(recognizer,
-                          {.exclusion = parse_exclusion("frames=3"), .keyframes = rule});
+    OnMap on({.exclusion = parse_exclusion("frames=3"), .keyframes = rule});
     std::vector<int64_t> stored;
     for (int frame = 0; frame < 9; ++frame) {  // 1 m and 0.2 rad each: cos(0.6) is 0.83
-      const PointCloud cloud = room(0.2 * frame);
-      const Detection found = detector.take(
-          view_of(cloud),
-          {.frame = frame, .pose = Eigen::Isometry3d(Eigen::Translation3d(frame, 0, 0))});
+      const Detection found = take(on.detector, 0.2 * frame, stamp_at(frame, frame));
       if (found.index) stored.push_back(frame);
       EXPECT_EQ(found.loop.has_value(), frame > 3) << rule << frame;
     }
@@ -517,10 +627,8 @@ TEST(LoopDetector, StoresKeyframesAndQueriesAllScans) {
   }
   for (const char* wrong : {"", "meters", "meters=0", "similarity=1.5", "frames=3", "meters=x"})
     expect_error<UsageError>([&] { check_keyframes(wrong); }, {"keyframes"});
-  PlaceRecognizer recognizer(first_point(), {});
-  LoopDetector detector(recognizer, {.keyframes = "meters=1"});
-  const PointCloud cloud = room(1);
-  expect_error<UsageError>([&] { detector.take(view_of(cloud), {}); }, {"similarity=S"});
+  OnMap on({.keyframes = "meters=1"});
+  expect_error<UsageError>([&] { take(on.detector, 1); }, {"similarity=S"});
 }
 
 TEST(LoopSummary, CountsRejections) {
@@ -530,7 +638,7 @@ TEST(LoopSummary, CountsRejections) {
   const auto add = [&](double score, const std::string& rejection) {
     Detection found{.loop = Loop{}, .rejection = rejection};
     found.loop->score = score;
-    found.loop->accepted = rejection.empty();
+    found.accepted = rejection.empty();
     summary.add(found);
   };
   summary.add({});
@@ -556,10 +664,10 @@ TEST(LoopSummary, CountsRejections) {
 TEST(LoopDetector, RejectsVerificationWithoutYaw) {
   FeatureExtractor blind = first_point();
   blind.comparison.relative_yaw = nullptr;
-  PlaceRecognizer recognizer(blind, {});
-  expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"relative yaw"});
-  EXPECT_FALSE(LoopDetector(recognizer, {}).verifies()) << "by default only where it can be";
-  PlaceRecognizer seeing(first_point(), {});
+  Map map(blind, {});
+  expect_error<UsageError>([&] { LoopDetector(map, {.verify = true}); }, {"relative yaw"});
+  EXPECT_FALSE(LoopDetector(map, {}).verifies()) << "by default only where it can be";
+  Map seeing(first_point(), {});
   EXPECT_TRUE(LoopDetector(seeing, {}).verifies());
   EXPECT_FALSE(LoopDetector(seeing, {.keep_clouds = false}).verifies());
 }

@@ -1,5 +1,5 @@
 #include "recall.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "testing.h"

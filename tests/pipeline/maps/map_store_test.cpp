@@ -326,7 +326,7 @@ TEST_P(MapStoreTest, ReportsCorruptAndLostRows) {
       map->add(made_entries(1, 300));
       map->remove(std::vector<int64_t>{2, 3});
       map->set_value(kProjectionValue, "b");
-      map->set_value(kThresholdValue, "0.5 margin");
+      map->set_value("another", "0.5");
     }
     execute(name, change);
     const std::vector<std::string> problems = check(name);
@@ -531,7 +531,7 @@ TEST(MergeMaps, KeepsRecordingsApartAndScansOnce) {
     const auto store = open(files[map]);
     const auto number = static_cast<float>(map);
     store->add(std::vector{entry("base", 7, 5), entry("00", 7, number)});
-    store->set_value(kThresholdValue, "0.5 margin");
+    store->set_value(kVerifiedCalibrationValue, "0.5 margin");
     store->set_value(kCalibrationValue, map == 0 ? "one" : "another");
   }
   std::vector<std::string> reports;
@@ -541,7 +541,7 @@ TEST(MergeMaps, KeepsRecordingsApartAndScansOnce) {
   std::vector<std::string> drives;
   for (const MapEntry& stored : read_all(*merged).entries) drives.push_back(stored.drive);
   EXPECT_EQ(drives, (std::vector<std::string>{"base", "00", "b/00"}));
-  EXPECT_EQ(merged->value(kThresholdValue), "0.5 margin");
+  EXPECT_EQ(merged->value(kVerifiedCalibrationValue), "0.5 margin");
   EXPECT_EQ(merged->value(kCalibrationValue), std::nullopt);
   ASSERT_EQ(reports.size(), 3);
   EXPECT_HAS(reports[0], "drive '00' becomes 'b/00'");

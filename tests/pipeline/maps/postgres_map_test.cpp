@@ -7,7 +7,7 @@
 #include "coordinates.h"
 #include "map_entries.h"
 #include "postgres_server.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 #include "testing.h"
 
 namespace revisit {
@@ -216,27 +216,27 @@ TEST(ServerAddress, NameHasNoPassword) {
   }
 }
 
-Description scan_at(const PlaceRecognizer& recognizer, int64_t frame) {
+Description scan_at(const Map& map, int64_t frame) {
   const auto angle = static_cast<float>(frame);
   PointCloud cloud;
   for (int i = 0; i < 2; ++i)
     cloud.points.push_back({10 * std::sin(angle), 10 * std::cos(angle), std::sin(7 * angle), 0});
-  return recognizer.describe(view_of(cloud));
+  return map.describe(view_of(cloud));
 }
 
-std::unique_ptr<PlaceRecognizer> robot(const std::string& url) {
-  const RecognizerOptions options{.warmup = 30};
-  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(coordinates(), options);
-  return std::make_unique<PlaceRecognizer>(coordinates(), options,
-                                           open_map(url, MapAccess::kWrite, &fingerprint));
+std::unique_ptr<Map> robot(const std::string& url) {
+  const MapOptions options{.warmup = 30};
+  const MapFingerprint fingerprint = fingerprint_of(coordinates(), options);
+  return std::make_unique<Map>(coordinates(), options,
+                               open_map(url, MapAccess::kWrite, &fingerprint));
 }
 
 TEST_F(PostgresMap, CopiedProjectionsReachOpenRecognizers) {
   const TempDir folder;
   const std::string url = server_->url("town"), other = folder / "other.map";
-  const auto fill = [](PlaceRecognizer& one, int64_t first) {
+  const auto fill = [](Map& one, int64_t first) {
     for (int64_t frame = first; frame < first + 30; ++frame)
-      one.add(scan_at(one, frame), {.frame = frame});
+      one.add({{.frame = frame, .feature = scan_at(one, frame).feature}});
   };
   fill(*robot(other), 0);
   const auto early = robot(url);
@@ -260,15 +260,17 @@ TEST_F(PostgresMap, RecognizersShareEntries) {
   // Robots alternate, during and after the warm-up; each knows the indices of its own entries.
   for (int64_t frame = 0; frame < 40; ++frame) {
     const Description scan = scan_at(*a, frame);
-    EXPECT_EQ(a->add(scan, {.drive = "a", .frame = frame}), 2 * frame);
+    EXPECT_EQ(a->add({{.drive = "a", .frame = frame, .feature = scan.feature}}),
+              std::vector<int64_t>{2 * frame});
     for (int tries = 0; b->size() <= 2 * frame && tries < 5000; ++tries) {
-      b->refresh_if_updated();
+      b->refresh();
       std::this_thread::sleep_for(milliseconds(1));
     }
     const auto seen = b->query(scan);
     EXPECT_TRUE(frame < 4 || (seen && seen->drive == "a" && seen->index == 2 * frame));
-    EXPECT_EQ(b->add(scan_at(*b, 1000 + frame), {.drive = "b", .frame = 1000 + frame}),
-              2 * frame + 1);
+    const std::vector<float> next = scan_at(*b, 1000 + frame).feature;
+    EXPECT_EQ(b->add({{.drive = "b", .frame = 1000 + frame, .feature = next}}),
+              std::vector<int64_t>{2 * frame + 1});
   }
   EXPECT_EQ(b->size(), 80);
   // A third robot, which was offline, adds a batch beyond the end of the warm-up.
@@ -279,7 +281,7 @@ TEST_F(PostgresMap, RecognizersShareEntries) {
       const auto one = robot(second);
       for (int64_t frame = 100 * r; frame < 100 * r + 25; ++frame) {
         const Description scan = scan_at(*one, frame);
-        const int64_t index = one->add(scan, {.frame = frame});
+        const int64_t index = one->add({{.frame = frame, .feature = scan.feature}}).front();
         const auto found = one->query(scan);
         EXPECT_TRUE(frame % 100 < 4 || (found && found->index == index));
       }

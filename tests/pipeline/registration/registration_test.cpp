@@ -159,8 +159,8 @@ TEST(Registration, FindsHowScansOfAStreetLie) {
         const Eigen::Isometry3d truth = T_world_place.inverse() * T_world_query;
         const PreparedScan query(street().scan(T_world_query));
         const Registration found = register_scans(query, place, yaw_of(truth) + error);
-        EXPECT_TRUE(found.accepted) << at << " " << turn << " " << ahead << ": "
-                                    << found.inlier_ratio << " " << found.constraint;
+        EXPECT_TRUE(found.fits) << at << " " << turn << " " << ahead << ": " << found.inlier_ratio
+                                << " " << found.constraint;
         meters.push_back((found.T_place_query.translation() - truth.translation()).norm());
         degrees.push_back(angle_between(found.T_place_query, truth) / kDegree);
         EXPECT_LT(meters.back(), 0.3);
@@ -278,7 +278,7 @@ TEST(Registration, AWrongPlaceIsNotAccepted) {
     for (const double turn : {0, 180}) {
       const PreparedScan there(street().scan(street().pose(elsewhere)));
       const Registration found = register_scans(here, there, turn * kDegree);
-      EXPECT_FALSE(found.accepted) << elsewhere << " " << turn << ": " << found.inlier_ratio;
+      EXPECT_FALSE(found.fits) << elsewhere << " " << turn << ": " << found.inlier_ratio;
     }
 }
 
@@ -323,7 +323,7 @@ TEST(Registration, ACorridorIsNotHeldAlongItsAxis) {
     const Registration found =
         register_scans(PreparedScan(room(length, 1)), PreparedScan(room(length, 2)), 0);
     EXPECT_GT(found.inlier_ratio, 0.8);
-    EXPECT_EQ(found.accepted, length < 100) << found.constraint;
+    EXPECT_EQ(found.fits, length < 100) << found.constraint;
     return found.information(0, 0) / found.information(1, 1);
   };
   EXPECT_GT(along_by_across(20), 0.5);
@@ -349,8 +349,8 @@ TEST(Registration, AScanOfHardlyAnythingIsNotAccepted) {
     for (const PreparedScan* other : {&good, &scan}) {
       for (const bool swap : {false, true}) {
         const Registration found = register_scans(swap ? *other : scan, swap ? scan : *other, 1);
-        EXPECT_FALSE(found.accepted)
-            << cloud->points.size() << " " << found.inlier_ratio << " " << found.constraint;
+        EXPECT_FALSE(found.fits) << cloud->points.size() << " " << found.inlier_ratio << " "
+                                 << found.constraint;
         EXPECT_TRUE(found.T_place_query.matrix().allFinite());
         EXPECT_TRUE(found.information.allFinite());
       }
@@ -413,11 +413,11 @@ TEST(Registration, RealRevisitsAreAcceptedAndOtherPlacesAreNot) {
     const Eigen::Isometry3d expected = truth(query, place);
     const Registration found =
         register_scans(scan(query), scan(place), yaw_of(expected) + 2 * kDegree);
-    EXPECT_TRUE(found.accepted) << query << " " << place << ": " << found.inlier_ratio;
+    EXPECT_TRUE(found.fits) << query << " " << place << ": " << found.inlier_ratio;
     const Eigen::Vector3d error = found.T_place_query.translation() - expected.translation();
     EXPECT_LT(error.head<2>().norm(), 0.3) << query << " " << place;
     EXPECT_LT(std::abs(yaw_of(expected.inverse() * found.T_place_query)), kDegree);
-    EXPECT_FALSE(register_scans(scan(query), scan(850), 0).accepted) << query;
+    EXPECT_FALSE(register_scans(scan(query), scan(850), 0).fits) << query;
   }
 }
 

@@ -22,7 +22,8 @@ struct CalibrateOptions {
   std::string exclusion = "frames=50", every = "1";
   int augmentations = 1;
   uint32_t seed = 1;
-  double radius = 5, match_prior = 0.1, precision = RecognizerOptions().target_precision;
+  double radius = 5, match_prior = 0.1,
+         precision = default_target_precision(Score::kDistinctMargin);
   bool evaluate = false;
   FeatureOptions running;  // only threads, progress and sequence
 
@@ -99,9 +100,9 @@ std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions&
       drive.scans.clear();
       std::ranges::copy_if(scans, std::back_inserter(drive.scans),
                            [&](const ScanRef& scan) { return scan.frame % every == 0; });
-      PlaceRecognizer recognizer(rings, {.score = score});
+      Map map(rings, {.score = score});
       how.done = observer.stage("evaluating", "scans");
-      const std::vector<LabeledMatch> matches = labeled_matches(drive, recognizer, how);
+      const std::vector<LabeledMatch> matches = labeled_matches(drive, map, how);
       all.back().insert(all.back().end(), matches.begin(), matches.end());
       how.seed += uint64_t{1} << 24;  // more seeds than a drive has scans
     }

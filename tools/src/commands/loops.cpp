@@ -9,7 +9,7 @@
 #include "cli/terminal.h"
 #include "loops/labeled_matches.h"
 #include "loops/loop_writer.h"
-#include "loops/open_recognizer.h"
+#include "loops/map_source.h"
 #include "loops/recognize.h"
 #include "loops/scan_stream.h"
 #include "revisit/loops/loop_outputs.h"
@@ -27,7 +27,7 @@ constexpr double kCalibrationRadius = 5;  // of a correct match [m]
 
 struct LoopsOptions {
   FeatureOptions feature;
-  MapOptions map;
+  MapArguments map;
   PoseOptions poses;
   fs::path output, g2o, tum;
   std::string format = "csv";
@@ -154,19 +154,18 @@ LoopDetectorOptions detector_options(const LoopsOptions& o) {
                               .keyframes = o.keyframes,
                               .verify = o.verify,
                               .threshold = o.threshold,
-                              .keep_clouds = !o.map.no_clouds,
-                              .local_map = o.local_map};
-  if (o.target_precision) options.target_precision = *o.target_precision;
+                              .target_precision = o.target_precision,
+                              .keep_clouds = !o.map.no_clouds && (*o.verify || !o.map.file.empty()),
+                              .warn = warn};
   return options;
 }
 
 /// Refines the calibration of the feature, not the map's, on a drive with poses. If the feature has
 /// none, uses that drive alone.
-Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
-                       const std::string& sensor) {
+Calibration calibrated(const LoopsOptions& o, const MapSource& source, const std::string& sensor) {
   const Dataset dataset = open_drive(o.feature, o.calibrate, sensor, true);
-  PlaceRecognizer recognizer(source.extractor, source.options);
-  LoopDetector detector(recognizer, detector_options(o));
+  Map map(source.extractor, source.options);
+  LoopDetector detector(map, detector_options(o));
   cli::Progress progress("calibrating", "scans", o.shows_progress());
   const MatchRule rule = rule_of(kCalibrationRadius);
   const std::vector<LabeledScore> matches = scores_by_place(
@@ -186,10 +185,7 @@ Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
 }
 
 void need_target_precision(const Calibration& calibration, const LoopsOptions& o) {
-  const double standard = calibration.score == Score::kVerified
-                              ? LoopDetectorOptions().target_precision
-                              : RecognizerOptions().target_precision;
-  const double precision = o.target_precision.value_or(standard);
+  const double precision = o.target_precision.value_or(default_target_precision(calibration.score));
   if (!calibration.threshold_for(precision))
     throw UsageError("--target-precision ", precision, o.target_precision ? "" : " (the default)",
                      ": no threshold reaches it; the best precision of the calibration (from ",
@@ -227,14 +223,14 @@ class LoopOutputs {
   void add(const Visit& visit, const std::string& drive) {
     const Detection& found = visit.found;
     poses_ += visit.scan.pose ? 1 : 0;
-    const bool registered = found.registered && found.registered->accepted;
+    const bool registered = found.accepted && found.registered;
     if (graph_) add_to_graph(visit, registered);
     if (trajectory_ && registered && found.loop->pose) {
       trajectory_->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),
                        o_.poses.as_given(*found.loop->pose * found.registered->T_place_query));
       ++trajectory_poses_;
     }
-    if ((found.loop && found.loop->accepted) || all_) writer_.write(line_of(visit, drive));
+    if (found.accepted || all_) writer_.write(line_of(visit, drive));
   }
 
   void warn_of_gaps() const {
@@ -286,9 +282,10 @@ class LoopRun {
         source_(open_source(o_.feature, o_.poses, o_.follow)),
         described_(describe_source()),
         new_map_(o_.map.file),
-        recognizer_(described_.extractor, described_.options, open_map(), warn),
+        map_(described_.extractor, described_.options, open_map(), warn),
         drive_(o_.map.drive_of(source_.some)),
-        detector_(calibrated_recognizer(), options_with_drive()) {
+        detector_(map_, options_with_drive()) {
+    if (calibration_) detector_.calibrate(*calibration_);
     check_threshold(precision_given);
   }
 
@@ -312,26 +309,24 @@ class LoopRun {
       if (detector_.drive() != drive_)
         note(str("the map has another recording '", drive_, "'; this one is stored as '",
                  detector_.drive(), "'"));
-      std::cerr << summary.text() << ", " << recognizer_.size() << " map entries\n";
+      std::cerr << summary.text() << ", " << map_.size() << " map entries\n";
       outputs.warn_of_gaps();
-      print_latencies(std::move(milliseconds), recognizer_.size());
+      print_latencies(std::move(milliseconds), map_.size());
     }
     return summary.skipped() > 0 ? kScansSkipped : kOk;
   }
 
  private:
-  RecognizerSource describe_source() {
+  MapSource describe_source() {
     const ScanRef& first = source_.some.scans.front();
     if (o_.local_map != 0 && !first.pose)
       throw UsageError("--local-map: ", first.file.string(), " has no pose; give --poses");
     choose_local_map_sensor(o_);
-    RecognizerSource described = recognizer_source(o_.feature, source_.some, o_.map.file);
-    described.options.threshold = o_.threshold;  // the detector has its own if it verifies
+    MapSource described = map_source(o_.feature, source_.some, o_.map.file);
     described.options.warmup = o_.map.warmup;
     described.options.local_map = o_.local_map;
     described.options.hnsw_candidates = o_.feature.graph_candidates();
     if (!o_.verify) o_.verify = described.extractor.comparison.relative_yaw && !o_.map.no_clouds;
-    if (o_.target_precision) described.options.target_precision = *o_.target_precision;
     return described;
   }
 
@@ -344,11 +339,6 @@ class LoopRun {
     return map;
   }
 
-  PlaceRecognizer& calibrated_recognizer() {
-    if (calibration_) recognizer_.calibrate(*calibration_);
-    return recognizer_;
-  }
-
   LoopDetectorOptions options_with_drive() const {
     LoopDetectorOptions options = detector_options(o_);
     options.drive = drive_;
@@ -356,11 +346,6 @@ class LoopRun {
   }
 
   void check_threshold(bool precision_given) const {
-    if (detector_.verifies() && !o_.threshold && recognizer_.is_calibrated() &&
-        !recognizer_.verified_calibration())
-      warn(
-          "the map's threshold or calibration is for loops without registration and is ignored; "
-          "give --calibrate DRIVE again, or --no-verify");
     if (detector_.threshold()) {
       if (!o_.threshold && !o_.feature.quiet)
         note(str("threshold: loops with a score of at least ", number(*detector_.threshold(), 3),
@@ -377,9 +362,9 @@ class LoopRun {
   LoopsOptions& o_;
   const ScanSource source_;
   std::optional<Calibration> calibration_;  // by --calibrate
-  RecognizerSource described_;
+  MapSource described_;
   const NewMap new_map_;
-  PlaceRecognizer recognizer_;
+  Map map_;
   const std::string drive_;
   LoopDetector detector_;
 };

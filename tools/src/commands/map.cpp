@@ -8,7 +8,7 @@
 #include "cli/command.h"
 #include "cli/terminal.h"
 #include "loops/loop_writer.h"
-#include "loops/open_recognizer.h"
+#include "loops/map_source.h"
 #include "loops/recording.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
@@ -49,7 +49,6 @@ void print_configuration(const fs::path& file, bool checked) {
     }
     if (!text.empty()) table.row({what, text});
   };
-  add("threshold", kThresholdValue, [](const std::string& content) { return content; });
   for (const auto& [what, name] : {std::pair("calibration", kVerifiedCalibrationValue),
                                    std::pair("calibration, not registered", kCalibrationValue)})
     add(what, name, [what = what](const std::string& content) {
@@ -136,7 +135,7 @@ struct QueryOptions {
   fs::path map;
   std::vector<fs::path> scans;
   std::optional<double> threshold;
-  double precision = RecognizerOptions().target_precision;
+  double precision = default_target_precision(Score::kDistinctMargin);
   std::string format = "csv";
 
   void declare(Options& options) {
@@ -174,33 +173,29 @@ int query_scans(QueryOptions& o) {
   }
   std::erase_if(dataset.scans,
                 [&](const ScanRef& scan) { return scan.frame % o.feature.every != 0; });
-  RecognizerSource source = recognizer_source(o.feature, dataset, o.map);
-  source.options.threshold = o.threshold;
-  source.options.target_precision = o.precision;
+  MapSource source = map_source(o.feature, dataset, o.map);
   source.options.hnsw_candidates = o.feature.graph_candidates();
-  source.options.local_map =
-      PlaceRecognizer::local_map_of(open_map(o.map, MapAccess::kRead)->fingerprint());
+  source.options.local_map = local_map_of(open_map(o.map, MapAccess::kRead)->fingerprint());
   if (source.options.local_map != 0)
     warn(str(display_name(o.map), ": has local maps of ", source.options.local_map,
              " m; query it with accumulated clouds, because a single scan covers less"));
-  const MapFingerprint fingerprint =
-      PlaceRecognizer::fingerprint_of(source.extractor, source.options);
-  const PlaceRecognizer recognizer(source.extractor, source.options,
-                                   open_map(o.map, MapAccess::kRead, &fingerprint), warn);
+  const MapFingerprint fingerprint = fingerprint_of(source.extractor, source.options);
+  Map map(source.extractor, source.options, open_map(o.map, MapAccess::kRead, &fingerprint), warn);
+  LoopDetector detector(
+      map,
+      {.verify = false, .threshold = o.threshold, .target_precision = o.precision, .warn = warn});
   LoopWriter writer(std::cout, o.format);
   bool skipped = false;
   for (const ScanRef& scan : dataset.scans) {
     Visit visit{.scan = scan};
-    const PointCloud cloud = read_scan(scan);
-    const Description description = recognizer.describe(view_of(cloud));
-    visit.found.loop = recognizer.query(description);
+    visit.found = detector.query(view_of(read_scan(scan)));
     if (visit.found.loop) {
       writer.write(line_of(visit, ""));
       continue;
     }
     skipped = true;
     warn(scan.file.string() + ": " +
-         (description.described() ? "the map is empty" : description.error));
+         (visit.found.error.empty() ? "the map is empty" : visit.found.error));
   }
   return skipped ? kScansSkipped : kOk;
 }

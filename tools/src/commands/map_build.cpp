@@ -7,7 +7,7 @@
 
 #include "cli/command.h"
 #include "cli/terminal.h"
-#include "loops/open_recognizer.h"
+#include "loops/map_source.h"
 #include "loops/recognize.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/loops/drive_name.h"
@@ -26,7 +26,7 @@ constexpr std::chrono::seconds kBetweenCounts{1};
 
 struct BuildOptions {
   FeatureOptions feature;
-  MapOptions map;
+  MapArguments map;
 
   void declare(Options& options) {
     feature.declare(options, Scans::kStored);
@@ -39,12 +39,12 @@ struct BuildOptions {
 
 /// drive_in_map() of a recording of at least one scan. Compares the first, a middle and the last of
 /// the scans that the map may have.
-std::string drive_of_recording(const std::vector<ScanRef>& scans, PlaceRecognizer& recognizer,
+std::string drive_of_recording(const std::vector<ScanRef>& scans, Map& map,
                                const std::string& name) {
   PointCloud first, cloud;
   for (size_t i = 0; i < scans.size() && first.points.empty(); ++i)
-    describe_scan(scans[i], name, recognizer, first);
-  return drive_in_map(recognizer, name, view_of(first), [&](const DriveEntries& entries) {
+    describe_scan(scans[i], name, map, first);
+  return drive_in_map(map, name, view_of(first), [&](const DriveEntries& entries) {
     std::vector<const ScanRef*> common;
     for (const ScanRef& scan : scans)
       if (entries.contains(scan.frame)) common.push_back(&scan);
@@ -52,9 +52,9 @@ std::string drive_of_recording(const std::vector<ScanRef>& scans, PlaceRecognize
     // Two recordings may begin alike, so later scans count, too.
     return std::ranges::all_of(
         std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
-          const DescribedScan scan = describe_scan(*common[at], name, recognizer, cloud);
+          const DescribedScan scan = describe_scan(*common[at], name, map, cloud);
           return !scan.description.described() ||
-                 is_same_scan(recognizer, scan.description, scan.entry.time,
+                 is_same_scan(map, scan.description, scan.entry.time,
                               entries.at(common[at]->frame));
         });
   });
@@ -63,23 +63,24 @@ std::string drive_of_recording(const std::vector<ScanRef>& scans, PlaceRecognize
 /// Describes the scans of a drive that the map lacks and adds them.
 class MapBuilder {
  public:
-  MapBuilder(const BuildOptions& options, const std::vector<ScanRef>& scans,
-             PlaceRecognizer& recognizer, std::string drive)
+  MapBuilder(const BuildOptions& options, const std::vector<ScanRef>& scans, Map& map,
+             std::string drive)
       : threads_(options.feature.thread_count()),
         keeps_clouds_(!options.map.no_clouds),
-        recognizer_(recognizer),
+        map_(map),
+        mount_(map.options().mount),
         drive_(std::move(drive)),
         progress_("describing", "scans", !options.feature.quiet) {
     for (const ScanRef& scan : scans) scans_[scan.frame] = &scan;
     for (const auto& [frame, scan] : scans_) frames_.push_back(frame);
-    recognizer_.add(std::span<const Description>(), {});  // ends a warm-up of a killed process
+    map_.add({});  // ends a warm-up of a killed process
   }
 
   int64_t added() const { return added_; }
   int64_t skipped() const { return skipped_; }
 
   void add_missing() {
-    const std::map<int64_t, int64_t> there = recognizer_.entries_of(drive_);
+    const std::map<int64_t, int64_t> there = map_.entries_of(drive_);
     std::erase_if(frames_, [&](int64_t frame) { return there.contains(frame); });
     const auto all = std::ssize(frames_);
     for (int64_t done = 0; done < all; done += at_once()) {
@@ -139,10 +140,10 @@ class MapBuilder {
 
   DescribedScan describe(const ScanRef& scan) const {
     PointCloud cloud;
-    DescribedScan described = describe_scan(scan, drive_, recognizer_, cloud);
+    DescribedScan described = describe_scan(scan, drive_, map_, cloud);
     if (!keeps_clouds_ || !described.description.described()) return described;
-    transform(recognizer_.mount(), cloud);
-    described.entry.cloud = compact_cloud(cloud, recognizer_.mount());
+    transform(mount_, cloud);
+    described.entry.cloud = compact_cloud(cloud, mount_);
     return described;
   }
 
@@ -154,7 +155,6 @@ class MapBuilder {
     parallel_for(std::ssize(scans), threads_, [&](int64_t i) {
       described[static_cast<size_t>(i)] = describe(*scans[static_cast<size_t>(i)]);
     });
-    std::vector<Description> good;
     std::vector<MapEntry> entries;
     std::map<int64_t, std::string> skipped;
     for (DescribedScan& scan : described) {
@@ -162,19 +162,19 @@ class MapBuilder {
         skipped[scan.entry.frame] = scan.description.error;
         continue;
       }
+      scan.entry.feature = std::move(scan.description.feature);
       entries.push_back(std::move(scan.entry));
-      good.push_back(std::move(scan.description));
     }
     if (claim != nullptr) claim->skipped = skipped;
-    recognizer_.add(good, std::move(entries), claim);
-    added_ += std::ssize(good);
+    added_ += std::ssize(map_.add(std::move(entries), claim));
     skipped_ += std::ssize(skipped);
     for (const auto& [frame, why] : skipped) warn_skipped(why);
   }
 
   const int threads_;
   const bool keeps_clouds_;
-  PlaceRecognizer& recognizer_;
+  Map& map_;
+  const Eigen::Isometry3d mount_;
   const std::string drive_;
   Progress progress_;
   std::map<int64_t, const ScanRef*> scans_;  // by frame
@@ -184,24 +184,23 @@ class MapBuilder {
 
 int build_all(BuildOptions& o) {
   const Dataset dataset = open_scans(o.feature);
-  RecognizerSource source = recognizer_source(o.feature, dataset, o.map.file, ScansAtOnce::kMany);
+  MapSource source = map_source(o.feature, dataset, o.map.file, ScansAtOnce::kMany);
   source.options.warmup = o.map.warmup;
   const NewMap new_map(o.map.file);
-  PlaceRecognizer recognizer(source.extractor, source.options, o.map.open(source), warn);
+  Map map(source.extractor, source.options, o.map.open(source), warn);
   const auto shared = open_work_queue(o.map.file);
   const std::vector<ScanRef> scans = with_sensor_poses(dataset);
-  const std::string name = o.map.drive_of(dataset),
-                    drive = drive_of_recording(scans, recognizer, name);
+  const std::string name = o.map.drive_of(dataset), drive = drive_of_recording(scans, map, name);
   if (drive != name && !o.feature.quiet)
     note(str("the map has another recording '", name, "'; this one is stored as '", drive, "'"));
-  MapBuilder builder(o, scans, recognizer, drive);
+  MapBuilder builder(o, scans, map, drive);
   if (shared)
     builder.share(*shared);
   else
     builder.add_missing();
   if (!o.feature.quiet)
-    std::cout << display_name(o.map.file) << ": " << recognizer.size() << " entries, "
-              << builder.added() << " added by this process"
+    std::cout << display_name(o.map.file) << ": " << map.size() << " entries, " << builder.added()
+              << " added by this process"
               << (builder.skipped() > 0 ? str(", ", plural(builder.skipped(), "scan"), " skipped")
                                         : "")
               << "\n";

@@ -10,7 +10,7 @@
 #include "eval/feature_options.h"
 #include "loops/scan_stream.h"
 #include "revisit/evaluation/evaluate.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 
 namespace revisit::cli {
 
@@ -40,7 +40,7 @@ struct EvalOptions {
   int k = 4;
   std::string bootstrap = "1000";  // resamples(), perhaps with block()
   std::string keyframes = "all";
-  int64_t warmup = RecognizerOptions().warmup;
+  int64_t warmup = MapOptions().warmup;
   bool no_report = false;
   // Perturbed queries; lists separated by commas.
   std::string perturb, distractors;

@@ -7,7 +7,7 @@
 #include "cli/json.h"
 #include "cli/terminal.h"
 #include "eval/run_folder.h"
-#include "loops/open_recognizer.h"
+#include "loops/map_source.h"
 #include "loops/recognize.h"
 #include "revisit/base/files.h"
 #include "revisit/datasets/observer.h"
@@ -179,13 +179,13 @@ AlignmentRecord record_of(bool described) {
 class DrivingOrder {
  public:
   DrivingOrder(const std::vector<ScanRef>& scans, const Trajectory& trajectory,
-               const RecognizerSource& source, const DrivingOrderOptions& options)
+               const MapSource& source, const DrivingOrderOptions& options)
       : scans_(scans),
         trajectory_(trajectory),
         source_(source),
         options_(options),
-        recognizer_(source.extractor, source.options, nullptr, warn),
-        detector_(recognizer_, options.detector) {
+        map_(source.extractor, source.options, nullptr, warn),
+        detector_(map_, options.detector) {
     Task& task = task_result_.task;
     task.name = kDrivingOrder;
     task.definition =
@@ -236,9 +236,9 @@ class DrivingOrder {
     if (!found.loop) return;
     const int64_t match = task.stored.at(static_cast<size_t>(found.loop->index));
     const bool known = !trajectory_.listed || trajectory_.listed->knows(visit.scan.frame);
-    if (found.loop->accepted && !known) ++loops_.unlabeled;
+    if (found.accepted && !known) ++loops_.unlabeled;
     if (!known) return;
-    if (found.loop->accepted) count(pair_label(trajectory_, task.rule, row_, match), loops_);
+    if (found.accepted) count(pair_label(trajectory_, task.rule, row_, match), loops_);
     task.queries.push_back(query_of(row_, found, places));
     task_result_.matches.push_back({.query = row_,
                                     .ranks = {match},
@@ -248,9 +248,9 @@ class DrivingOrder {
   }
 
   void check_result() const {
-    if (source_.components >= 0 && !recognizer_.is_warmed_up())
+    if (source_.components >= 0 && !map_.is_warmed_up())
       throw UsageError("the PCA cannot be estimated (expected ", source_.options.warmup,
-                       " distinct map entries, found fewer in ", recognizer_.size(),
+                       " distinct map entries, found fewer in ", map_.size(),
                        " scans); use a smaller --warmup or more scans");
     if (task_result_.task.queries.empty())
       throw UsageError("task ", kDrivingOrder, ": none of ", scans_.size(),
@@ -260,9 +260,9 @@ class DrivingOrder {
 
   const std::vector<ScanRef>& scans_;
   const Trajectory& trajectory_;
-  const RecognizerSource& source_;
+  const MapSource& source_;
   const DrivingOrderOptions& options_;
-  PlaceRecognizer recognizer_;
+  Map map_;
   LoopDetector detector_;
   int64_t row_ = -1;
   AcceptedLoops loops_;
@@ -295,8 +295,7 @@ FinishedEvaluation evaluate_driving(const EvalOptions& options) {
   const Dataset dataset = given.truth.open(given.feature, needs_poses(evaluation));
   how.detector.drive = dataset.name;
   Trajectory trajectory = trajectory_of(given, dataset);
-  RecognizerSource described =
-      recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, given.warmup);
+  MapSource described = map_source(given.feature, dataset, "", ScansAtOnce::kOne, given.warmup);
   described.options.warmup = given.warmup;
   described.options.k = given.k;
   described.options.score = evaluation.score;

@@ -22,7 +22,7 @@ std::optional<bool> is_correct(const Pose& here, const Pose& there, const MatchR
 
 }  // namespace
 
-std::vector<LabeledMatch> labeled_matches(const Dataset& drive, PlaceRecognizer& recognizer,
+std::vector<LabeledMatch> labeled_matches(const Dataset& drive, Map& map,
                                           const LabelingOptions& options) {
   RecentEntries recent(options.exclusion);
   std::vector<Pose> poses;  // of the map entries
@@ -34,14 +34,14 @@ std::vector<LabeledMatch> labeled_matches(const Dataset& drive, PlaceRecognizer&
     if (interrupted()) throw Interrupted("interrupted during the evaluation of matches");
     options.done(++done, std::ssize(drive.scans));
     const auto neighbors = recent.at({scan.frame, scan.time, scan.pose});
-    DescribedScan described = describe_scan(scan, drive.sequence, recognizer, cloud);
+    DescribedScan described = describe_scan(scan, drive.sequence, map, cloud);
     if (!described.description.described()) {
       ++*options.skipped;
       warn_skipped(described.description.error);
       continue;
     }
     const auto query = [&](const Description& description, bool is_perturbed) {
-      const auto loop = recognizer.query(description, neighbors);
+      const auto loop = map.query(description, neighbors);
       if (!loop) return;
       const auto correct =
           is_correct(*scan.pose, poses[static_cast<size_t>(loop->index)], options.rule);
@@ -53,9 +53,10 @@ std::vector<LabeledMatch> labeled_matches(const Dataset& drive, PlaceRecognizer&
       if (perturbation.empty()) continue;  // a copy of the scan
       perturbed = cloud;
       perturb(perturbed, perturbation, seed);
-      query(recognizer.describe(view_of(perturbed)), true);
+      query(map.describe(view_of(perturbed)), true);
     }
-    recent.add(recognizer.add(described.description, described.entry));
+    described.entry.feature = described.description.feature;
+    recent.add(map.add({described.entry}).front());
     poses.push_back(*scan.pose);
   }
   return matches;

@@ -9,7 +9,7 @@
 #include "revisit/datasets/dataset.h"
 #include "revisit/evaluation/ground_truth.h"
 #include "revisit/loops/loop_detector.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 
 namespace revisit::cli {
 
@@ -31,7 +31,7 @@ struct LabelingOptions {
 /// Queries each scan, which must have a pose, against the scans before it. Map entries are
 /// unperturbed. Omits matches that are neither true nor false, scans that cannot be described, and
 /// copies that equal the scan. Throws what recognize() throws.
-std::vector<LabeledMatch> labeled_matches(const Dataset& drive, PlaceRecognizer& recognizer,
+std::vector<LabeledMatch> labeled_matches(const Dataset& drive, Map& map,
                                           const LabelingOptions& options);
 
 /// Omits matches that are neither true nor false. Throws what recognize() throws.

@@ -35,7 +35,7 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
       optional_number(loop.has_yaw_deg(), loop.yaw_deg(), 2),
       loop.has_accepted() ? str(loop.accepted() ? 1 : 0) : ""};
   const bool there = loop.has_registered();
-  cells.push_back(there ? str(r.accepted() ? 1 : 0) : "");
+  cells.push_back(there ? str(r.fits() ? 1 : 0) : "");
   for (const double value : {r.x(), r.y(), r.z(), r.qx(), r.qy(), r.qz(), r.qw(), r.inlier_ratio(),
                              r.mean_squared_distance()})
     cells.push_back(optional_number(there, value, kDigits));
@@ -97,14 +97,14 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   line.set_score(loop.score);
   if (loop.probability) line.set_probability(*loop.probability);
   if (loop.relative_yaw) line.set_yaw_deg(*loop.relative_yaw * 180 / std::numbers::pi);
-  line.set_accepted(loop.accepted);
+  line.set_accepted(visit.found.accepted);
   if (const std::string& why = visit.found.rejection; !why.empty()) line.set_rejection(why);
   if (!visit.found.registered) return line;
   const Registration& r = *visit.found.registered;
   const Eigen::Vector3d t = r.T_place_query.translation();
   const Eigen::Quaterniond q(r.T_place_query.rotation());
   reports::Registered& out = *line.mutable_registered();
-  out.set_accepted(r.accepted);
+  out.set_fits(r.fits);
   out.set_x(t.x());
   out.set_y(t.y());
   out.set_z(t.z());

@@ -35,8 +35,8 @@ void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
   }
 }
 
-DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
-                            const PlaceRecognizer& recognizer, PointCloud& cloud) {
+DescribedScan describe_scan(const ScanRef& scan, const std::string& drive, const Map& map,
+                            PointCloud& cloud) {
   DescribedScan described;
   described.entry.drive = drive;
   described.entry.frame = scan.frame;
@@ -46,7 +46,7 @@ DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
   try {
     read_scan_into(scan, cloud);
     auto lap = stopwatch();
-    description = recognizer.describe(view_of(cloud));
+    description = map.describe(view_of(cloud));
     described.milliseconds = lap();
     if (!description.described())
       description.error = str(scan.file.string(), ": ", description.error);

@@ -6,7 +6,7 @@
 #include "loops/scan_stream.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/loops/loop_detector.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 
 namespace revisit::cli {
 
@@ -29,7 +29,7 @@ struct DescribedScan {
 };
 
 /// Reuses the memory of `cloud`. A scan that cannot be read counts as not described.
-DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
-                            const PlaceRecognizer& recognizer, PointCloud& cloud);
+DescribedScan describe_scan(const ScanRef& scan, const std::string& drive, const Map& map,
+                            PointCloud& cloud);
 
 }  // namespace revisit::cli

@@ -333,7 +333,7 @@
     const isLoop = line => line.accepted, apart = line => line.position && line.match_position &&
       Math.hypot((line.position.x || 0) - (line.match_position.x || 0), (line.position.z || 0) - (line.match_position.z || 0));
     const found = lines.filter(isLoop), drives = [...new Set(found.map(line => line.match_drive || ""))].sort();
-    const rejected = lines.filter(line => line.registered && !line.registered.accepted);
+    const rejected = lines.filter(line => line.registered && !line.accepted);
     const middle = values => values.length ? [...values].sort((a, b) => a - b)[values.length >> 1] : NaN;
     const distances = found.filter(own).map(apart).filter(Number.isFinite);
     const text = line => [`scan ${line.frame}`, ...(line.match_frame === undefined ? [] : [`like ${line.match_drive || ""} ${line.match_frame}`, `score ${number(line.score, 4)}`,

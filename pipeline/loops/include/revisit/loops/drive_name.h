@@ -1,21 +1,17 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
 
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 
 namespace revisit {
 
 /// True if `scan`, taken at `time` [s], is the entry at `index`, described again. With equal
 /// nonzero times the scans may differ in deskewing.
-bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
-                  std::optional<double> time, int64_t index);
-
-/// frame -> index of the entry
-using DriveEntries = std::map<int64_t, int64_t>;
+bool is_same_scan(const Map& map, const Description& scan, std::optional<double> time,
+                  int64_t index);
 
 /// True if `frame` lies between those of the entries, or the gap is at most the length of the
 /// drive. This separates folders named by time that were recorded on different days.
@@ -25,8 +21,7 @@ bool may_belong_to(const DriveEntries& entries, int64_t frame);
 /// whose entries belong to the recording (`is_it`); in a merged map also "MAP/monday". A new name
 /// is reserved for the recording that begins with the scan `first`, so that no other process uses
 /// it.
-std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
-                         const PointsView& first,
+std::string drive_in_map(Map& map, const std::string& name, const PointsView& first,
                          const std::function<bool(const DriveEntries&)>& is_it);
 
 }  // namespace revisit

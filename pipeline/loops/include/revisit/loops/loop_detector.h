@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <deque>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <span>
@@ -10,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 #include "revisit/recognition/match.h"
 #include "revisit/registration/registration.h"
 
@@ -46,6 +47,9 @@ class RecentEntries {
 void check_keyframes(const std::string& text);
 
 struct LoopDetectorOptions {
+  /// File or server's address of the map (open_map()), of ring descriptors; "": a temporary map.
+  /// For other options of a map, pass a Map.
+  std::filesystem::path map;
   std::string drive;  // recording in the map; drive_in_map() may add a number
   Exclusion exclusion;
   /// Selects the scans that become map entries (all scans are queries): "all"; "meters=1", if the
@@ -54,20 +58,19 @@ struct LoopDetectorOptions {
   std::string keyframes = "all";
   /// Registers the most similar entries and accepts loops by their fit as well
   /// (verified_calibration()). Absent: enabled if the feature estimates the relative yaw and points
-  /// are kept. If false, PlaceRecognizer decides.
+  /// are kept.
   std::optional<bool> verify;
-  /// Minimum Score::kVerified for acceptance. Absent: the lowest score that reaches
-  /// `target_precision`.
+  /// Minimum score() for acceptance. Absent: the lowest that reaches `target_precision`.
   std::optional<double> threshold;
-  double target_precision = 0.99;  // of accepted registered loops
-  // Stores points, to register later scans; without a map only if loops are registered.
-  bool keep_clouds = true;
+  /// Fraction of accepted loops that are correct, by the calibration. Absent:
+  /// default_target_precision().
+  std::optional<double> target_precision;
+  bool keep_clouds = true;  // stores points, to register later scans
   /// Requires fewer inliers than registration alone, because the similarity counts, too.
   RegistrationOptions registration{.min_inlier_ratio = 0.25};
-  /// Describes and registers the points of the last meters, accumulated by the scans' poses,
-  /// instead of single scans [m]; 0: off. For sensors with a gap in azimuth or with few points.
-  /// With a map it must equal RecognizerOptions::local_map.
-  double local_map = 0;
+  /// Gets messages about the map (Map::Map()), and about a calibration of it that is corrupt or for
+  /// another score, and ignored. Absent: standard error.
+  MapStore::Warn warn;
 };
 
 struct Detection {
@@ -76,11 +79,13 @@ struct Detection {
   /// The most similar entry, or the better fitting one of two. If loops are registered, its score
   /// is Score::kVerified, with the probability for this score.
   std::optional<Loop> loop;
-  /// Registration of `loop`, if it is similar enough; accepted if and only if the loop is.
+  /// Registration of `loop`, if it is similar enough.
   std::optional<Registration> registered;
-  /// "": none; "score": below the threshold, or too few candidates, not registered; "similarity":
-  /// score above the threshold, but similarity too low to register; "ambiguous", "no points" or
-  /// "registration".
+  /// `loop` reaches the threshold, is not ambiguous and, if loops are registered, fits.
+  bool accepted = false;
+  /// "": no loop, or accepted; "score": below the threshold, or too few candidates, not registered;
+  /// "similarity": score above the threshold, but similarity too low to register; "ambiguous", "no
+  /// points" or "registration".
   std::string rejection;
   std::vector<int64_t> excluded;  // indices of temporal neighbors
 };
@@ -92,32 +97,45 @@ struct Detection {
 /// A recording that the map contains in part, by name and content, is resumed: its stored scans are
 /// compared but not added again, and its later scans are never matches.
 ///
-///   LoopDetector detector(recognizer, {.drive = "monday"});
+///   LoopDetector detector({.map = "site.map"});
 ///   const Detection found = detector.take({points.data(), n, sizeof(MyPoint)}, {.frame = 17});
-///   if (found.loop && found.loop->accepted)
-///     close_loop(found.loop->id, found.registered->T_place_query);
+///   if (found.accepted) close_loop(found.loop->id, found.registered->T_place_query);
 class LoopDetector {
  public:
-  /// `recognizer` must outlive this object. Throws UsageError for invalid options, and if `verify`
-  /// is true and the feature estimates no relative yaw.
-  LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
+  /// Opens the map. Throws what Map::Map() throws, and UsageError for invalid options.
+  explicit LoopDetector(const LoopDetectorOptions& options);
+  /// `map` must outlive this object. Throws UsageError for invalid options, and if `verify` is true
+  /// and the feature estimates no relative yaw.
+  LoopDetector(Map& map, const LoopDetectorOptions& options);
   ~LoopDetector();
-  /// Throws what PlaceRecognizer::add() throws, and UsageError if the exclusion needs a time or a
-  /// pose that `scan` lacks. With local maps, a scan without a pose is not described.
+  /// Throws what Map::add() throws, and UsageError if the exclusion needs a time or a pose that
+  /// `scan` lacks. With local maps, a scan without a pose is not described.
   Detection take(const PointsView& points, const ScanStamp& scan);
+  /// Compares a scan with all entries and does not add it.
+  Detection query(const PointsView& points);
+
+  Map& map() const;
   const std::string& drive() const;
   /// True if accepted loops have a pose (Detection::registered).
   bool verifies() const;
-  /// Score::kVerified, or PlaceRecognizer::score() if loops are not registered.
+  /// Score::kVerified, or MapOptions::score if loops are not registered.
   Score score() const;
   /// Threshold and calibration for this score; absent if no calibration reaches the precision.
   std::optional<double> threshold() const;
+  /// That of the map, else verified_calibration() or, for loops that are not registered, that of
+  /// the feature.
   std::optional<Calibration> calibration() const;
+  /// Stores a calibration in the map. Throws UsageError for another k or score, or without blocks.
+  void calibrate(const Calibration& calibration);
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// 0.99 for Score::kVerified, else 0.95, because similarities alone cannot promise more: shipped
+/// ring models reach 0.979.
+double default_target_precision(Score score);
 
 /// Default calibration of Score::kVerified for ring descriptors: similarity plus
 /// Registration::inlier_ratio, which is 0 if the similarity is too low to register.

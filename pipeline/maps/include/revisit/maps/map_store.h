@@ -119,7 +119,7 @@ class MapStore {
   /// recording has it. A file has a single writer and reserves nothing.
   bool reserve_drive(const std::string& drive, const std::string& content);
 
-  /// True if other processes may have changed the map since the last read(); false for a file.
+  /// True if other processes may have changed the map since the last read().
   bool has_updates();
 
   /// Reads the whole map and passes each problem to `report`. Throws InputError if a defect
@@ -154,15 +154,11 @@ class WorkQueue {
   virtual int64_t pending(const std::string& drive) = 0;
 };
 
-/// Values of a map. kCalibrationValue is for query(), kVerifiedCalibrationValue for registered
-/// loops (calibration_content()). An empty calibration or threshold counts as absent.
+/// Values of a map. kVerifiedCalibrationValue is for registered loops (calibration_content()). A
+/// map can do without calibrations.
 inline constexpr const char* kProjectionValue = "projection";
 inline constexpr const char* kCalibrationValue = "calibration";
 inline constexpr const char* kVerifiedCalibrationValue = "verified calibration";
-inline constexpr const char* kThresholdValue = "threshold";
-/// A map can do without these: a recognizer skips a corrupt one with a warning.
-inline constexpr std::array<std::string_view, 3> kAcceptanceValues = {
-    kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue};
 
 bool is_server_address(std::string_view where);
 
@@ -200,7 +196,7 @@ void copy_projection(MapStore& map, const std::filesystem::path& other, const Ma
 
 /// Merges `maps`, in this order, into a new map `file` and returns the number of entries. A scan in
 /// several maps is stored once. Recordings with equal names become MAP/DRIVE in all but the first
-/// map. A calibration and a threshold are kept if all maps have the same. `report` gets a message
+/// map. A calibration is kept if all maps have the same. `report` gets a message
 /// for each of these events and for each corrupt entry, which is skipped. Throws UsageError without
 /// maps or for a map given twice. Throws InputError if fingerprints or descriptor projections
 /// differ or `file` exists.

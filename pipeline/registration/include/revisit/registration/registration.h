@@ -31,7 +31,7 @@ struct RegistrationOptions {
 class PreparedScan {
  public:
   /// Throws UsageError for invalid options. A scan with few or no points is valid, but never
-  /// accepted.
+  /// fits.
   explicit PreparedScan(const PointCloud& cloud, const RegistrationOptions& options = {});
   /// Points after downsampling, in the sensor's frame [m].
   const std::vector<Eigen::Vector3f>& points() const;
@@ -73,7 +73,7 @@ struct Registration {
   /// scenes: along a corridor, or with a single plane.
   double constraint = 0;
 
-  bool accepted = false;  ///< enough inliers, and constrained in all directions
+  bool fits = false;  ///< enough inliers, and constrained in all directions
 };
 
 /// Searches top-down over shifts within `search_radius` and rotations within 3 degrees for the

@@ -1,4 +1,4 @@
-#include "open_recognizer.h"
+#include "map_source.h"
 
 #include <cstdlib>
 #include <exception>
@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-FeatureExtractor projected(const FeatureExtractor& extractor, const RecognizerOptions& options,
+FeatureExtractor projected(const FeatureExtractor& extractor, const MapOptions& options,
                            const fs::path& folder, int64_t components) {
   const auto model = std::make_shared<const PcaModel>(folder);
   if (model->dim() != extractor.dim)
@@ -84,9 +84,8 @@ Projection pca_of(const Rows& features, std::span<const int64_t> fit_rows, int64
 
 }  // namespace
 
-RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
-                                   const fs::path& map, ScansAtOnce at_once,
-                                   std::optional<int64_t> warmup) {
+MapSource map_source(FeatureOptions& options, const Dataset& some, const fs::path& map,
+                     ScansAtOnce at_once, std::optional<int64_t> warmup) {
   if (options.feature == "fabmap")
     throw UsageError(
         "--feature fabmap: needs all camera images of a drive at once; use `revisit eval "
@@ -98,8 +97,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
     note("sensor: " + found);
   options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;
   FeatureSource source = open_feature(options, some, "");
-  RecognizerSource result{
-      std::move(source.extractor), {}, std::move(source.model), source.components};
+  MapSource result{std::move(source.extractor), {}, std::move(source.model), source.components};
   result.options.align = source.align;
   result.options.geometry = options.image.geometry();
   if (!options.mount.empty()) result.options.mount = parse_mount(options.mount);
@@ -128,7 +126,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
   return result;
 }
 
-void MapOptions::declare(Options& options) {
+void MapArguments::declare(Options& options) {
   options.group("Map:")
       .option("map", "FILE",
               "map file, created if missing, or postgresql://HOST/DATABASE?map=NAME, shared with "
@@ -157,10 +155,9 @@ void MapOptions::declare(Options& options) {
       });
 }
 
-std::unique_ptr<MapStore> MapOptions::open(const RecognizerSource& source) const {
+std::unique_ptr<MapStore> MapArguments::open(const MapSource& source) const {
   if (file.empty()) return nullptr;
-  const MapFingerprint fingerprint =
-      PlaceRecognizer::fingerprint_of(source.extractor, source.options);
+  const MapFingerprint fingerprint = fingerprint_of(source.extractor, source.options);
   if (!projection.empty()) projection_of(projection, fingerprint);  // before a map is created
   auto map =
       open_map(file, MapAccess::kWrite, &fingerprint, dtype.value_or(DescriptorType::kFloat32));

@@ -7,13 +7,13 @@
 
 #include "cli/options.h"
 #include "eval/feature_options.h"
-#include "revisit/maps/place_recognizer.h"
+#include "revisit/maps/map.h"
 
 namespace revisit::cli {
 
-struct RecognizerSource {
+struct MapSource {
   FeatureExtractor extractor;
-  RecognizerOptions options;
+  MapOptions options;
   std::optional<models::FoundModel> model = {};  // for a network
   int64_t components = -1;                       // components of the PCA; -1: none
 };
@@ -22,22 +22,21 @@ enum class ScansAtOnce { kOne, kMany };
 /// `map` need not exist. A PCA comes from a folder (--fit-on DIR), or is estimated from the first
 /// `warmup` distinct map entries. An estimated PCA is not kept in maps, and all descriptors before
 /// it are zero. Throws UsageError for a feature that needs all scans of a drive.
-RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
-                                   const std::filesystem::path& map,
-                                   ScansAtOnce at_once = ScansAtOnce::kOne,
-                                   std::optional<int64_t> warmup = std::nullopt);
+MapSource map_source(FeatureOptions& options, const Dataset& some, const std::filesystem::path& map,
+                     ScansAtOnce at_once = ScansAtOnce::kOne,
+                     std::optional<int64_t> warmup = std::nullopt);
 
-struct MapOptions {
+struct MapArguments {
   std::filesystem::path file, projection;
   std::string drive;
-  int64_t warmup = RecognizerOptions().warmup;
+  int64_t warmup = MapOptions().warmup;
   std::optional<DescriptorType> dtype;  // only of a new map, or the map's
   bool no_clouds = false;
 
   void declare(Options& options);
   /// Creates a missing map. Returns null without a file. Throws InputError if the map has another
   /// dtype or projection than given.
-  std::unique_ptr<MapStore> open(const RecognizerSource& source) const;
+  std::unique_ptr<MapStore> open(const MapSource& source) const;
   std::string drive_of(const Dataset& dataset) const {
     return !drive.empty() ? drive : !dataset.sequence.empty() ? dataset.sequence : dataset.name;
   }

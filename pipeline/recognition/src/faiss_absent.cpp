@@ -1,5 +1,5 @@
-#include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/optional_library.h"
+#include "revisit/recognition/place_index.h"
 
 namespace revisit {
 

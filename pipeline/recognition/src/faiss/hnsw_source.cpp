@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "revisit/base/error.h"
-#include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/matrix.h"
+#include "revisit/recognition/place_index.h"
 
 namespace revisit {
 namespace {
