@@ -116,18 +116,14 @@ void PostgresDriver::execute(const std::string& sql, const std::vector<SqlValue>
   std::vector<const char*> parameters;
   std::vector<int> sizes, are_binary;
   for (size_t i = 0; i < values.size(); ++i) {
-    std::string& text = texts[i];
-    const auto* blob = std::get_if<Blob>(&values[i]);
-    if (const auto* integer = std::get_if<int64_t>(&values[i])) text = std::to_string(*integer);
-    if (const auto* real = std::get_if<double>(&values[i])) text = exact(*real);
-    if (const auto* of_caller = std::get_if<std::string_view>(&values[i])) text = *of_caller;
+    if (const auto* integer = std::get_if<int64_t>(&values[i])) texts[i] = std::to_string(*integer);
+    if (const auto* real = std::get_if<double>(&values[i])) texts[i] = exact(*real);
+    if (const auto* text = std::get_if<std::string_view>(&values[i])) texts[i] = *text;
+    if (const auto* blob = std::get_if<Blob>(&values[i])) texts[i] = blob->bytes;
     const bool is_null = std::holds_alternative<std::nullptr_t>(values[i]);
-    // A null pointer would be NULL.
-    parameters.push_back(is_null                                   ? nullptr
-                         : blob != nullptr && !blob->bytes.empty() ? blob->bytes.data()
-                                                                   : text.c_str());
-    sizes.push_back(blob == nullptr ? 0 : static_cast<int>(blob->bytes.size()));
-    are_binary.push_back(blob == nullptr ? 0 : 1);
+    parameters.push_back(is_null ? nullptr : texts[i].c_str());
+    sizes.push_back(static_cast<int>(texts[i].size()));
+    are_binary.push_back(std::holds_alternative<Blob>(values[i]) ? 1 : 0);
   }
   const Result rows =
       checked(PQexecParams(connection_.get(), sql.c_str(), static_cast<int>(values.size()), nullptr,
