@@ -4,10 +4,10 @@
 
 #include <regex>
 
+#include "loops/loop_outputs.h"
 #include "loops/loop_writer.h"
 #include "program_test.h"
 #include "revisit/datasets/dataset.h"
-#include "revisit/loops/loop_outputs.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "testing.h"
@@ -513,6 +513,36 @@ TEST_F(Loops, RejectInvalidOptions) {
   fails("map query x.map /nowhere.bin", 3, "/nowhere.bin: cannot open");
   fails("map query x.map x.bin --threshold 1 --target-precision 0.9", 2, "one of the two");
   fails("map info /nowhere.map", 3, "/nowhere.map");
+}
+
+TEST(LoopSummary, CountsRejections) {
+  LoopSummary summary(parse_exclusion("frames=5"), 0.6);
+  EXPECT_EQ(summary.text(),
+            "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
+  const auto add = [&](double score, const std::string& rejection) {
+    Detection found{.loop = Loop{}, .rejection = rejection};
+    found.loop->score = score;
+    found.accepted = rejection.empty();
+    summary.add(found);
+  };
+  summary.add({});
+  add(0.4, "score");
+  EXPECT_EQ(summary.text(),
+            "2 scans, 0 loops accepted: the best score of 1 query is 0.4 (threshold 0.6); 1 scan "
+            "had no candidate (exclusion frames=5)");
+  add(0.7, "score");
+  add(0.7, "similarity");
+  add(0.8, "ambiguous");
+  add(0.8, "registration");
+  add(0.8, "no points");
+  add(0.9, "");
+  summary.add({.error = "the scan has no points"});
+  EXPECT_EQ(summary.text(),
+            "9 scans, 1 loop accepted, 1 more look alike, among too few distinct entries, 1 more "
+            "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
+            "alike for long, 1 more look alike, but their points "
+            "do not fit, 1 more look alike, but their entries were stored without points, 1 scan "
+            "skipped");
 }
 
 }  // namespace

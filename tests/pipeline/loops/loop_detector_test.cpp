@@ -3,7 +3,6 @@
 #include "execute_sql.h"
 #include "local_map.h"
 #include "maps.h"
-#include "revisit/loops/loop_outputs.h"
 #include "revisit/recognition/align.h"
 #include "testing.h"
 
@@ -629,36 +628,6 @@ TEST(LoopDetector, StoresKeyframesAndQueriesAllScans) {
     expect_error<UsageError>([&] { check_keyframes(wrong); }, {"keyframes"});
   OnMap on({.keyframes = "meters=1"});
   expect_error<UsageError>([&] { take(on.detector, 1); }, {"similarity=S"});
-}
-
-TEST(LoopSummary, CountsRejections) {
-  LoopSummary summary(parse_exclusion("frames=5"), 0.6);
-  EXPECT_EQ(summary.text(),
-            "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
-  const auto add = [&](double score, const std::string& rejection) {
-    Detection found{.loop = Loop{}, .rejection = rejection};
-    found.loop->score = score;
-    found.accepted = rejection.empty();
-    summary.add(found);
-  };
-  summary.add({});
-  add(0.4, "score");
-  EXPECT_EQ(summary.text(),
-            "2 scans, 0 loops accepted: the best score of 1 query is 0.4 (threshold 0.6); 1 scan "
-            "had no candidate (exclusion frames=5)");
-  add(0.7, "score");
-  add(0.7, "similarity");
-  add(0.8, "ambiguous");
-  add(0.8, "registration");
-  add(0.8, "no points");
-  add(0.9, "");
-  summary.add({.error = "the scan has no points"});
-  EXPECT_EQ(summary.text(),
-            "9 scans, 1 loop accepted, 1 more look alike, among too few distinct entries, 1 more "
-            "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
-            "alike for long, 1 more look alike, but their points "
-            "do not fit, 1 more look alike, but their entries were stored without points, 1 scan "
-            "skipped");
 }
 
 TEST(LoopDetector, RejectsVerificationWithoutYaw) {

@@ -8,11 +8,11 @@
 #include "cli/command.h"
 #include "cli/terminal.h"
 #include "loops/labeled_matches.h"
+#include "loops/loop_outputs.h"
 #include "loops/loop_writer.h"
 #include "loops/map_source.h"
 #include "loops/recognize.h"
 #include "loops/scan_stream.h"
-#include "revisit/loops/loop_outputs.h"
 
 namespace revisit::cli {
 namespace {

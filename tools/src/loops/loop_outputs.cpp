@@ -1,4 +1,4 @@
-#include "revisit/loops/loop_outputs.h"
+#include "loop_outputs.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -9,7 +9,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
-namespace revisit {
+namespace revisit::cli {
 namespace {
 
 void flush(std::ofstream& out, const std::filesystem::path& file) {
@@ -126,4 +126,4 @@ void TrajectoryWriter::add(double time, const Eigen::Isometry3d& T_world_sensor)
   write_line(out_, file_, "", {time, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
 }
 
-}  // namespace revisit
+}  // namespace revisit::cli

@@ -12,7 +12,7 @@
 
 #include "revisit/loops/loop_detector.h"
 
-namespace revisit {
+namespace revisit::cli {
 
 class LoopSummary {
  public:
@@ -69,4 +69,4 @@ class TrajectoryWriter {
   std::ofstream out_;
 };
 
-}  // namespace revisit
+}  // namespace revisit::cli
