@@ -76,24 +76,26 @@ HWY_INLINE Vector mish(Vector x) {
   return hn::Mul(x, hn::Div(n, hn::Add(n, rest)));
 }
 
-/// Activations with many instructions, not inlined into unrolled kernels.
-inline HWY_NOINLINE Vector smooth(const Epilogue& e, Vector x) {
+/// Activations with many instructions, which unrolled kernels call.
+inline HWY_NOINLINE void smooth(const Epilogue& e, Block* blocks, int count) {
   using Activation = Epilogue::Activation;
   const Tag d;
-  switch (e.activation) {
-    case Activation::kSigmoid:
-      return sigmoid(d, x);
-    case Activation::kSwish:
-      return hn::Mul(x, sigmoid(d, hn::Mul(hn::Set(d, e.slope), x)));
-    case Activation::kTanh:
-      return tanh(d, x);
-    case Activation::kBnll:
-      return softplus(d, x);
-    case Activation::kMish:
-      return mish(x);
-    default:
-      return x;
-  }
+  const Vector slope = hn::Set(d, e.slope), one = hn::Set(d, 1.0F);
+  for (int i = 0; i < count; ++i)
+    for (Vector& x : blocks[i].v) {
+      if (e.activation == Activation::kElu)
+        x = where_negative(x, leak(slope, hn::Sub(hn::CallExp(d, x), one)));
+      else if (e.activation == Activation::kSigmoid)
+        x = sigmoid(d, x);
+      else if (e.activation == Activation::kSwish)
+        x = hn::Mul(x, sigmoid(d, hn::Mul(slope, x)));
+      else if (e.activation == Activation::kTanh)
+        x = tanh(d, x);
+      else if (e.activation == Activation::kBnll)
+        x = softplus(d, x);
+      else
+        x = mish(x);
+    }
 }
 
 template <int kCount>
@@ -114,21 +116,6 @@ HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)
         return where_negative(x, leak(hn::Load(d, slopes + i * kVectorLanes), x));
       });
       break;
-    case Activation::kElu: {
-      const Vector slope = hn::Set(d, e.slope), one = hn::Set(d, 1.0F);
-      for (Block& block : blocks)
-        for (Vector& x : block.v)
-          x = where_negative(x, leak(slope, hn::Sub(hn::CallExp(d, x), one)));
-      break;
-    }
-    case Activation::kSigmoid:
-    case Activation::kSwish:
-    case Activation::kTanh:
-    case Activation::kBnll:
-    case Activation::kMish:
-      for (Block& block : blocks)
-        for (Vector& x : block.v) x = smooth(e, x);
-      break;
     case Activation::kClip: {
       const Vector low = hn::Set(d, e.low), high = hn::Set(d, e.high);
       change_each(blocks, [=](Vector x, int) HWY_ATTR {
@@ -137,6 +124,14 @@ HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)
         return hn::IfThenElse(hn::Lt(x, low), low, hn::IfThenElse(hn::Gt(x, high), high, x));
       });
       break;
+    }
+    default: {
+      Block copy[kCount];  // registers have no address
+      REVISIT_UNROLL
+      for (int i = 0; i < kCount; ++i) copy[i] = blocks[i];
+      smooth(e, copy, kCount);
+      REVISIT_UNROLL
+      for (int i = 0; i < kCount; ++i) blocks[i] = copy[i];
     }
   }
 }

@@ -136,8 +136,8 @@ class PlainInput {
   }
 
   template <int kCount>
-  HWY_INLINE void finish(const Row& row, const InputView<In>& view, int64_t x, int64_t block,
-                         Block (&sums)[kCount]) const {
+  HWY_NOINLINE void finish(const Row& row, const InputView<In>& view, int64_t x, int64_t block,
+                           Block (&sums)[kCount]) const {
     if (a_.outside_taps && reaches_outside(view, x, kCount)) add_outside(view, x, block, sums);
     if constexpr (!kReadsImage)
       if (row.values == Precision::kBf16) return finish_as<BFloat16>(row, x, block, sums);

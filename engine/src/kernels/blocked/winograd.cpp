@@ -198,6 +198,12 @@ class Winograd {
       transform_input_line<Rows>(
           line, [&](int i, const Block& b) HWY_ATTR { store_block(b, half[i][j]); });
     }
+    transform_input_rows(half, to, step);
+  }
+
+  /// The part that is equal for all types.
+  static HWY_NOINLINE void transform_input_rows(const float (&half)[kRows][kColumns][kLanes],
+                                                float* to, int64_t step) {
     for (int i = 0; i < kRows; ++i) {
       Block line[kColumns];
       REVISIT_UNROLL
@@ -262,10 +268,8 @@ class Winograd {
                           panel.width * kLanes, block, epilogue);
   }
 
-  template <class T>
-  void transform_output(const Tile& tile, const float* from, int64_t step, int64_t block,
-                        const BlockEpilogue& epilogue) const {
-    alignas(64) float half[kRows][kTile.columns][kLanes];
+  static HWY_NOINLINE void transform_output_rows(const float* from, int64_t step,
+                                                 float (&half)[kRows][kTile.columns][kLanes]) {
     for (int i = 0; i < kRows; ++i) {
       Block line[kColumns];
       REVISIT_UNROLL
@@ -273,6 +277,13 @@ class Winograd {
       transform_output_line<Columns>(
           line, [&](int j, const Block& b) HWY_ATTR { store_block(b, half[i][j]); });
     }
+  }
+
+  template <class T>
+  void transform_output(const Tile& tile, const float* from, int64_t step, int64_t block,
+                        const BlockEpilogue& epilogue) const {
+    alignas(64) float half[kRows][kTile.columns][kLanes];
+    transform_output_rows(from, step, half);
     const int64_t rows = std::min<int64_t>(kTile.rows, p_.out_h - tile.y);
     const int64_t columns = std::min<int64_t>(kTile.columns, p_.out_w - tile.x);
     const int64_t first =
@@ -284,17 +295,19 @@ class Winograd {
       Block line[kRows];
       REVISIT_UNROLL
       for (int i = 0; i < kRows; ++i) line[i] = load_block(half[i][j]);
-      if (rows < kTile.rows) {  // crosses the image's lower border
-        transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR {
-          if (i >= rows) return;
-          Block sum[] = {b};
-          epilogue.finish(sum, addend ? addend + i * row : nullptr, output + i * row);
-        });
-        continue;
-      }
       Block sums[kTile.rows];
       transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR { sums[i] = b; });
-      epilogue.finish(sums, addend, output, row);
+      if (rows == kTile.rows) {
+        epilogue.finish(sums, addend, output, row);
+        continue;
+      }
+      Block some[kTile.rows];  // registers cannot be indexed
+      REVISIT_UNROLL
+      for (int i = 0; i < kTile.rows; ++i) some[i] = sums[i];
+      for (int i = 0; i < rows; ++i) {  // crosses the image's lower border
+        Block sum[] = {some[i]};
+        epilogue.finish(sum, addend ? addend + i * row : nullptr, output + i * row);
+      }
     }
   }
 
