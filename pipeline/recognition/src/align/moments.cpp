@@ -16,12 +16,12 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 // Eight lanes on every CPU, so that the order of additions and the sums are the same.
 constexpr size_t kSumLanes = 8;
-using D = hn::CappedTag<double, kSumLanes>;
-using Narrow = hn::Rebind<float, D>;
-using V = hn::Vec<D>;
-constexpr D kD;
-constexpr size_t kVectors = kSumLanes / hn::MaxLanes(kD);
-static_assert(kVectors * hn::MaxLanes(kD) == kSumLanes);
+using Double = hn::CappedTag<double, kSumLanes>;
+using Narrow = hn::Rebind<float, Double>;
+using V = hn::Vec<Double>;
+constexpr Double kDouble;
+constexpr size_t kVectors = kSumLanes / hn::MaxLanes(kDouble);
+static_assert(kVectors * hn::MaxLanes(kDouble) == kSumLanes);
 
 struct Differences {
   V x, y, z;  // 0 where there is no return
@@ -32,17 +32,18 @@ HWY_INLINE Differences differences(const float* points, const std::array<double,
   const Narrow narrow;
   hn::Vec<Narrow> nx, ny, nz, unused;
   hn::LoadInterleaved4(narrow, points, nx, ny, nz, unused);
-  const V x = hn::PromoteTo(kD, nx), y = hn::PromoteTo(kD, ny), z = hn::PromoteTo(kD, nz);
+  const V x = hn::PromoteTo(kDouble, nx), y = hn::PromoteTo(kDouble, ny),
+          z = hn::PromoteTo(kDouble, nz);
   // Squares of floats cannot overflow in double: finite and not 0 exactly for returns.
   const V square = hn::Add(hn::Add(hn::Mul(x, x), hn::Mul(y, y)), hn::Mul(z, z));
   const auto is_return =
-      hn::And(hn::Gt(square, hn::Zero(kD)),
-              hn::Lt(square, hn::Set(kD, std::numeric_limits<double>::infinity())));
+      hn::And(hn::Gt(square, hn::Zero(kDouble)),
+              hn::Lt(square, hn::Set(kDouble, std::numeric_limits<double>::infinity())));
   const auto difference = [&](V coordinate, double from) HWY_ATTR {
-    return hn::IfThenElseZero(is_return, hn::Sub(coordinate, hn::Set(kD, from)));
+    return hn::IfThenElseZero(is_return, hn::Sub(coordinate, hn::Set(kDouble, from)));
   };
   return {difference(x, about[0]), difference(y, about[1]), difference(z, about[2]),
-          hn::IfThenElseZero(is_return, hn::Set(kD, 1))};
+          hn::IfThenElseZero(is_return, hn::Set(kDouble, 1))};
 }
 
 /// Sums `kCount` values of every point, `terms(differences)` -> array of vectors.
@@ -51,11 +52,11 @@ HWY_INLINE std::array<double, kCount> sums_of(const float* points, size_t n,
                                               const std::array<double, 3>& about, Terms terms) {
   V sums[kVectors][kCount];
   for (auto& vector : sums)
-    for (V& sum : vector) sum = hn::Zero(kD);
+    for (V& sum : vector) sum = hn::Zero(kDouble);
   const auto add = [&](const float* eight) HWY_ATTR {
     for (size_t v = 0; v < kVectors; ++v) {
       V term[kCount];
-      terms(differences(eight + v * 4 * hn::MaxLanes(kD), about), term);
+      terms(differences(eight + v * 4 * hn::MaxLanes(kDouble), about), term);
       for (size_t i = 0; i < kCount; ++i) sums[v][i] = hn::Add(sums[v][i], term[i]);
     }
   };
@@ -68,7 +69,8 @@ HWY_INLINE std::array<double, kCount> sums_of(const float* points, size_t n,
   std::array<double, kCount> result;
   for (size_t i = 0; i < kCount; ++i) {
     double lanes[kSumLanes];
-    for (size_t v = 0; v < kVectors; ++v) hn::StoreU(sums[v][i], kD, lanes + v * hn::MaxLanes(kD));
+    for (size_t v = 0; v < kVectors; ++v)
+      hn::StoreU(sums[v][i], kDouble, lanes + v * hn::MaxLanes(kDouble));
     result[i] = ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) +
                 ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
   }

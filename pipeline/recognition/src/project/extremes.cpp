@@ -11,16 +11,17 @@ namespace revisit::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::ScalableTag<float>;
-constexpr D kD;
+using Floats = hn::ScalableTag<float>;
+constexpr Floats kFloats;
 
 /// out[i] = extreme(in[i], in[i + ahead]). `out` may be `in`: elements are not read after a write.
 template <class Extreme>
 HWY_INLINE void pair_up(const float* in, int64_t ahead, int64_t n, Extreme extreme, float* out) {
-  const int64_t lanes = static_cast<int64_t>(hn::Lanes(kD));
+  const int64_t lanes = static_cast<int64_t>(hn::Lanes(kFloats));
   int64_t i = 0;
   for (; i + lanes <= n; i += lanes)
-    hn::StoreU(extreme(hn::LoadU(kD, in + i), hn::LoadU(kD, in + i + ahead)), kD, out + i);
+    hn::StoreU(extreme(hn::LoadU(kFloats, in + i), hn::LoadU(kFloats, in + i + ahead)), kFloats,
+               out + i);
   const hn::CappedTag<float, 1> one;
   for (; i < n; ++i)
     hn::StoreU(extreme(hn::LoadU(one, in + i), hn::LoadU(one, in + i + ahead)), one, out + i);

@@ -13,18 +13,18 @@ namespace revisit::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::CappedTag<float, 16>;
-constexpr D kD;
+using Sixteen = hn::CappedTag<float, 16>;
+constexpr Sixteen kSixteen;
 
 float product(const float* a, const float* b, size_t n) {
-  const size_t lanes = hn::Lanes(kD);
-  auto even = hn::Zero(kD), odd = hn::Zero(kD);
+  const size_t lanes = hn::Lanes(kSixteen);
+  auto even = hn::Zero(kSixteen), odd = hn::Zero(kSixteen);
   size_t i = 0;
   for (; i + 2 * lanes <= n; i += 2 * lanes) {
-    even = hn::MulAdd(hn::LoadU(kD, a + i), hn::LoadU(kD, b + i), even);
-    odd = hn::MulAdd(hn::LoadU(kD, a + i + lanes), hn::LoadU(kD, b + i + lanes), odd);
+    even = hn::MulAdd(hn::LoadU(kSixteen, a + i), hn::LoadU(kSixteen, b + i), even);
+    odd = hn::MulAdd(hn::LoadU(kSixteen, a + i + lanes), hn::LoadU(kSixteen, b + i + lanes), odd);
   }
-  float sum = hn::GetLane(hn::SumOfLanes(kD, hn::Add(even, odd)));
+  float sum = hn::GetLane(hn::SumOfLanes(kSixteen, hn::Add(even, odd)));
   for (; i < n; ++i) sum += a[i] * b[i];
   return sum;
 }
