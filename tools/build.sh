@@ -6,10 +6,13 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 options=(-DREVISIT_TESTS=OFF)
 case "${1:-program}" in
-  program) for library in PCL OPENCV FAISS POSTGRES; do options+=("-DREVISIT_$library=ON"); done ;;
-  demo) ;;
+  program) optional=ON ;;
+  demo) optional=OFF ;;
   *) echo "usage: $0 [demo]" >&2; exit 2 ;;
 esac
+if [ "$optional" = ON ] || [ ! -f "$root/build/release/CMakeCache.txt" ]; then  # what was built with them keeps them
+  for library in PCL OPENCV FAISS POSTGRES; do options+=("-DREVISIT_$library=$optional"); done
+fi
 
 "$root/tools/install_packages.sh" "${1:-program}"
 mkdir -p "$root/build"
