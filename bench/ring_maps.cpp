@@ -4,18 +4,30 @@
 // others are randomly rotated copies, each with its own amount of noise. Queries are revisits:
 // entries within 5 m of another of their drive, more than 50 frames away. Matches within 50 frames
 // are excluded. Times are CPU time, the minimum of three rounds.
+//   revisit_ring_maps MAP server PLACES SHARDS
+// Fills a PostgreSQL server of its own with so many entries, opens them in two processes, and
+// prints the rows of docs/SERVER.md.
+#include <malloc.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <fstream>
+#include <future>
 #include <iostream>
 #include <numbers>
 #include <random>
 
+#include "postgres_server.h"
 #include "recall.h"
 #include "revisit/base/error.h"
-#include "revisit/maps/map_store.h"
-#include "revisit/recognition/place_index.h"
+#include "revisit/maps/place_recognizer.h"
+#include "revisit/recognition/ring/descriptor.h"
 #include "ring/describer.h"
 
 namespace {
@@ -33,6 +45,7 @@ double seconds() {
 
 struct RingMap {
   std::vector<MapEntry> entries;
+  std::string content;  // of the projection
   RingLayout layout;
 
   explicit RingMap(const std::string& file) {
@@ -40,7 +53,8 @@ struct RingMap {
     map->read(
         0, [&](MapEntry&& entry) { entries.push_back(std::move(entry)); },
         [](const std::string& what) { throw revisit::InputError(what); });
-    layout = RingDescriber(parse_ring_model(map->value(kProjectionValue).value(), file)).layout();
+    content = map->value(kProjectionValue).value();
+    layout = RingDescriber(parse_ring_model(content, file)).layout();
   }
   bool near_in_time(const MapEntry& a, const MapEntry& b) const {
     return a.drive == b.drive && std::abs(a.frame - b.frame) <= kNear;
@@ -80,15 +94,6 @@ std::vector<RingQuery> queries_of(const RingMap& map, int64_t n, int64_t most) {
   return queries;
 }
 
-/// Repeats a table, because generating 10^9 numbers takes long.
-std::vector<float> gaussians(size_t count) {
-  std::vector<float> numbers(count);
-  std::mt19937 random(2);
-  std::normal_distribution<float> gaussian;
-  for (float& number : numbers) number = gaussian(random);
-  return numbers;
-}
-
 void turn(std::span<float> x, const RingLayout& layout, double angle) {
   size_t at = 0;
   for (size_t f = 0; f < layout.size(); ++f) {
@@ -103,29 +108,48 @@ void turn(std::span<float> x, const RingLayout& layout, double angle) {
   }
 }
 
-FloatMatrix descriptors_of(const RingMap& map, int64_t n) {
-  const auto d = size_t(dim_of(map.layout));
-  const auto real = std::min(n, int64_t(map.entries.size()));
-  FloatMatrix all(n, int64_t(d));
-  std::vector<double> squares(d);
-  for (int64_t i = 0; i < real; ++i) {
-    std::ranges::copy(map.entries[size_t(i)].descriptor, all.row(i).begin());
-    for (size_t j = 0; j < d; ++j) squares[j] += all.row(i)[j] * all.row(i)[j];
+/// Entries of the map, then randomly rotated copies of them, each with its own amount of noise.
+class Places {
+ public:
+  explicit Places(const RingMap& map) : map_(map), spread_(size_t(dim_of(map.layout))) {
+    std::mt19937 random(2);
+    std::normal_distribution<float> gaussian;
+    for (float& number : noise_) number = gaussian(random);
+    for (const MapEntry& entry : map.entries)
+      for (size_t j = 0; j < spread_.size(); ++j)
+        spread_[j] += entry.descriptor[j] * entry.descriptor[j] / float(map.entries.size());
+    for (float& square : spread_) square = std::sqrt(square);
   }
-  const std::vector<float> noise = gaussians(1 << 22);
-  std::mt19937_64 random(3);
-  for (int64_t i = real; i < n; ++i) {
-    const std::span<float> x = all.row(i);
-    std::ranges::copy(all.row(i % real), x.begin());
-    const float* const of_place = noise.data() + random() % (noise.size() - d);
+  int64_t dim() const { return int64_t(spread_.size()); }
+  std::vector<float> next() {
+    const int64_t i = made_++, real = int64_t(map_.entries.size());
+    const std::vector<float>& base = map_.entries[size_t(i % real)].descriptor;
+    return i < real ? base : altered(base, 1);
+  }
+  std::vector<float> altered(std::vector<float> x, float amount) {
+    // From a table, because generating 10^9 numbers takes long.
+    const float* const noise = noise_.data() + random_() % (noise_.size() - x.size());
     double square = 0;
-    for (size_t j = 0; j < d; ++j) {
-      x[j] += of_place[j] * float(std::sqrt(squares[j] / double(real)));
+    for (size_t j = 0; j < x.size(); ++j) {
+      x[j] += amount * noise[j] * spread_[j];
       square += double(x[j]) * double(x[j]);
     }
     for (float& value : x) value = float(value / std::sqrt(square));
-    turn(x, map.layout, double(random() % 100000) * 2e-5 * std::numbers::pi);
+    turn(x, map_.layout, double(random_() % 100000) * 2e-5 * std::numbers::pi);
+    return x;
   }
+
+ private:
+  const RingMap& map_;
+  std::vector<float> spread_, noise_ = std::vector<float>(1 << 22);
+  std::mt19937_64 random_{3};
+  int64_t made_ = 0;
+};
+
+FloatMatrix descriptors_of(const RingMap& map, int64_t n) {
+  Places places(map);
+  FloatMatrix all(n, places.dim());
+  for (int64_t i = 0; i < n; ++i) std::ranges::copy(places.next(), all.row(i).begin());
   return all;
 }
 
@@ -193,14 +217,194 @@ void measure(const RingMap& map, int64_t n) {
   }
 }
 
+// Maps on a server.
+
+constexpr int64_t kServerCandidates = 1000, kServerQueries = 200, kAdded = 20;
+
+using Clock = std::chrono::steady_clock;
+
+double wall_seconds() {
+  return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
+}
+
+double at(std::vector<double> values, double share) {
+  std::ranges::sort(values);
+  return values[std::min(values.size() - 1, size_t(share * double(values.size())))];
+}
+
+/// Memory of this process, without pages that a file can give back [bytes].
+double anonymous_bytes() {
+  std::ifstream status("/proc/self/status");
+  for (std::string name, kilobytes; status >> name; std::getline(status, kilobytes))
+    if (name == "RssAnon:") {
+      status >> kilobytes;
+      return 1000 * 1.024 * std::stod(kilobytes);
+    }
+  return 0;
+}
+
+/// Its features are descriptors.
+FeatureExtractor descriptors_as_features(const RingMap& map) {
+  const RingOptions options{.candidates = kServerCandidates};
+  const Projection projection = ring_projection(parse_ring_model(map.content, "map"), options);
+  FeatureExtractor extractor;
+  extractor.name = extractor.key = "ring descriptors";
+  extractor.dim = projection.dim;
+  extractor.comparison = projection.comparison;
+  extractor.make = []() -> FeatureFunction<PointCloud> { return {}; };
+  return extractor;
+}
+
+/// A map of some shards in one process.
+class Shards {
+ public:
+  Shards(const FeatureExtractor& extractor, const std::vector<std::string>& urls) {
+    const double before = anonymous_bytes(), start = wall_seconds();
+    for (const std::string& url : urls) {
+      const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(extractor, {});
+      shards_.push_back(std::make_unique<PlaceRecognizer>(
+          extractor, RecognizerOptions{}, open_map(url, MapAccess::kWrite, &fingerprint)));
+      size += shards_.back()->size();
+    }
+    open = wall_seconds() - start;
+    bytes = anonymous_bytes() - before;
+  }
+  /// The best score of all shards wins. Returns shard and index.
+  std::pair<size_t, int64_t> query(const Description& scan) const {
+    std::vector<std::future<std::optional<Loop>>> answers;
+    for (const auto& shard : shards_)
+      answers.push_back(std::async(shards_.size() == 1 ? std::launch::deferred : std::launch::async,
+                                   [&] { return shard->query(scan); }));
+    std::pair<size_t, int64_t> best;
+    double score = -1e9;
+    for (size_t i = 0; i < answers.size(); ++i)
+      if (const auto loop = answers[i].get(); loop && loop->score > score) {
+        score = loop->score;
+        best = {i, loop->index};
+      }
+    return best;
+  }
+  PlaceRecognizer& last() { return *shards_.back(); }
+
+  double open = 0, bytes = 0;
+  int64_t size = 0;
+
+ private:
+  std::vector<std::unique_ptr<PlaceRecognizer>> shards_;
+};
+
+void fill(const RingMap& map, const FeatureExtractor& extractor, int64_t n,
+          const std::vector<std::string>& urls) {
+  constexpr int64_t kBatch = 1000;
+  Places places(map);
+  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(extractor, {});
+  for (size_t shard = 0; shard < urls.size(); ++shard) {
+    const auto store =
+        open_map(urls[shard], MapAccess::kNew, &fingerprint, DescriptorType::kFloat16);
+    const int64_t count = n / int64_t(urls.size());
+    for (int64_t first = 0; first < count; first += kBatch) {
+      std::vector<MapEntry> batch(size_t(std::min(kBatch, count - first)));
+      for (size_t i = 0; i < batch.size(); ++i)
+        batch[i] = {.drive = str("drive ", shard),
+                    .frame = first + int64_t(i),
+                    .descriptor = places.next()};
+      store->add(batch);
+    }
+  }
+}
+
+/// Queries are noisy, rotated copies of entries of `map`, which are the first of shard 0.
+void measure_queries(const char* process, const RingMap& map, const Shards& shards) {
+  Places places(map);
+  std::vector<double> times;
+  int64_t found = 0;
+  for (int64_t q = 0; q < kServerQueries; ++q) {
+    const int64_t entry = q * 7919 % int64_t(map.entries.size());
+    const Description scan{.feature = places.altered(map.entries[size_t(entry)].descriptor, 0.3F),
+                           .error = ""};
+    const double start = wall_seconds();
+    found += shards.query(scan) == std::pair(size_t{0}, entry);
+    times.push_back(1e3 * (wall_seconds() - start));
+  }
+  std::printf(
+      "%s: %ld entries open in %.1f s, %.0f bytes an entry, query p50 %.1f ms, p99 %.1f ms, "
+      "%ld of %ld found\n",
+      process, shards.size, shards.open, shards.bytes / double(shards.size), at(times, 0.5),
+      at(times, 0.99), found, kServerQueries);
+  std::fflush(stdout);
+}
+
+/// In each of two processes. The first adds an entry when the other is ready, and writes when.
+void measure_process(bool is_first, int socket, const RingMap& map,
+                     const std::vector<std::string>& urls) {
+  const FeatureExtractor extractor = descriptors_as_features(map);
+  Shards shards(extractor, urls);
+  measure_queries(is_first ? "process 1" : "process 2", map, shards);
+  Places places(map);
+  std::vector<double> delays;
+  for (int64_t i = 0; i < kAdded; ++i) {
+    double start = 0;
+    const auto transfer = [&](auto function) {
+      if (function(socket, &start, sizeof(start)) != sizeof(start)) throw Error("a process ended");
+    };
+    if (is_first) {
+      transfer(::read);
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      start = wall_seconds();
+      shards.last().add({.feature = places.next(), .error = ""}, {.drive = "new", .frame = i});
+      delays.push_back(1e3 * (wall_seconds() - start));
+      transfer(::write);
+    } else {
+      const int64_t known = shards.last().size();
+      transfer(::write);
+      for (; shards.last().size() == known; shards.last().refresh_if_updated())
+        std::this_thread::sleep_for(std::chrono::microseconds(200));
+      const double seen = wall_seconds();
+      transfer(::read);
+      delays.push_back(1e3 * (seen - start));
+    }
+  }
+  std::printf("%s: p50 %.1f ms, p99 %.1f ms\n",
+              is_first ? "add() returns" : "the other process sees the entry", at(delays, 0.5),
+              at(delays, 0.99));
+}
+
+void measure_server(const RingMap& map, int64_t n, int64_t shards) {
+  const test::PostgresServer server;
+  std::vector<std::string> urls;
+  for (int64_t i = 0; i < shards; ++i) urls.push_back(server.url(str("shard_", i)));
+  const double start = wall_seconds();
+  fill(map, descriptors_as_features(map), n, urls);
+  const double filled = wall_seconds() - start;
+  std::printf(
+      "%ld entries in %ld shards: filled in %.0f s, %.0f entries/s, %.2f GB on the server\n", n,
+      shards, filled, double(n) / filled,
+      std::stod(server.execute("SELECT pg_database_size('postgres')")) / 1e9);
+  std::fflush(stdout);
+  int ends[2];
+  if (::socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0) throw Error("no sockets");
+  for (const bool is_first : {true, false})
+    if (::fork() == 0) {
+      ::malloc_trim(0);  // memory of fill(), which would be used again
+      measure_process(is_first, ends[is_first ? 1 : 0], map, urls);
+      std::fflush(stdout);
+      std::_Exit(0);
+    }
+  for (int i = 0; i < 2; ++i) ::wait(nullptr);
+}
+
 }  // namespace
 
 int main(int count, char** arguments) try {
   if (count < 3) {
-    std::cerr << "usage: revisit_ring_maps MAP PLACES...\n";
+    std::cerr << "usage: revisit_ring_maps MAP PLACES... | MAP server PLACES SHARDS\n";
     return 2;
   }
   const RingMap map(arguments[1]);
+  if (count == 5 && std::string(arguments[2]) == "server") {
+    measure_server(map, std::atoll(arguments[3]), std::atoll(arguments[4]));
+    return 0;
+  }
   std::cout << "| entries | candidates | keys made in [s] | with keys [ms] | every heading, median "
                "[ms] | found by every heading | of them with keys | of the best four |\n"
                "|---|---|---|---|---|---|---|---|\n";

@@ -52,7 +52,7 @@ void add_entry(SqlDriver& map, Bytes& bytes, int64_t id, const MapHeader& header
   row.pose = blob(bytes, 96);
   row.descriptor = blob(bytes, 4 * numbers);
   row.feature = blob(bytes, 128);
-  write_entry(map, id, std::move(row), header.revision);
+  insert_entries(map, id, {&row, 1}, header.revision);
 }
 
 void add_value(SqlDriver& map, Bytes& bytes, int64_t id) {

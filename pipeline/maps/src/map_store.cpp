@@ -224,15 +224,37 @@ void write_counts(SqlDriver& driver, const Counts& counts) {
             {counts.entries, counts.values});
 }
 
-void write_entry(SqlDriver& driver, int64_t id, EntryRow row, int64_t revision, bool replaces) {
+namespace {
+
+/// They refer to `row`.
+void append_values(std::vector<SqlValue>& values, int64_t id, EntryRow& row, int64_t revision) {
   row.revision = revision;
-  driver.execute(
-      replaces ? "UPDATE entry SET drive = $2, frame = $3, time = $4, pose = $5, descriptor = $6, "
-                 "feature = $7, revision = $8, checksum = $9 WHERE id = $1"
-               : "INSERT INTO entry (id, drive, frame, time, pose, descriptor, feature, revision, "
-                 "checksum) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
-      {id, row.drive, row.frame, row.time ? SqlValue(*row.time) : nullptr, null_if_empty(row.pose),
-       Blob{row.descriptor}, null_if_empty(row.feature), revision, checksum_of(id, row)});
+  values.insert(values.end(), {id, row.drive, row.frame, row.time ? SqlValue(*row.time) : nullptr,
+                               null_if_empty(row.pose), Blob{row.descriptor},
+                               null_if_empty(row.feature), revision, checksum_of(id, row)});
+}
+
+}  // namespace
+
+void insert_entries(SqlDriver& driver, int64_t first, std::span<EntryRow> rows, int64_t revision) {
+  constexpr size_t kRowsAtOnce = 50, kBytesAtOnce = 1 << 20;
+  while (!rows.empty()) {
+    std::string sql =
+        "INSERT INTO entry (id, drive, frame, time, pose, descriptor, feature, revision, checksum) "
+        "VALUES ";
+    std::vector<SqlValue> values;
+    size_t n = 0, bytes = 0;
+    for (; n < std::min(rows.size(), kRowsAtOnce) && bytes < kBytesAtOnce; ++n) {
+      const size_t before = values.size();
+      append_values(values, first++, rows[n], revision);
+      for (size_t i = before; i < values.size(); ++i)
+        sql += str(i > before ? ", $" : before > 0 ? ", ($" : "($", i + 1);
+      sql += ")";
+      bytes += rows[n].descriptor.size() + rows[n].feature.size();
+    }
+    driver.execute(sql, values);
+    rows = rows.subspan(n);
+  }
 }
 
 void write_removed(SqlDriver& driver, int64_t entry) {
@@ -296,9 +318,9 @@ std::vector<int64_t> MapStore::add(std::span<const MapEntry> entries,
     Counts counts = lock_counts(*driver_);
     const int64_t current = read_header(*driver_).revision;
     if (revision && *revision != current) return ids;
+    insert_entries(*driver_, counts.entries + 1, rows, current);
     for (size_t i = 0; i < rows.size(); ++i) {
       ids.push_back(++counts.entries);
-      write_entry(*driver_, ids.back(), rows[i], current);
       if (!entries[i].cloud.empty())
         write_row(*driver_, "INSERT INTO cloud (id, bytes, checksum) VALUES ($1, $2, $3)",
                   {ids.back(), Blob{entries[i].cloud}});
@@ -406,9 +428,13 @@ bool MapStore::replace_descriptors(
     const auto replace = [&](MapEntry&& entry) {
       entry.descriptor = descriptor_of(entry);
       entry.feature.clear();
-      write_entry(*driver_, entry.id,
-                  entry_row(entry, header.format, static_cast<size_t>(entry.id)), revision + 1,
-                  true);
+      EntryRow row = entry_row(entry, header.format, static_cast<size_t>(entry.id));
+      std::vector<SqlValue> columns;
+      append_values(columns, entry.id, row, revision + 1);
+      driver_->execute(
+          "UPDATE entry SET drive = $2, frame = $3, time = $4, pose = $5, descriptor = $6, feature "
+          "= $7, revision = $8, checksum = $9 WHERE id = $1",
+          columns);
     };
     for_each_entry(*driver_, header, after, last, replace, [](int64_t, const std::string&) {});
     ++header.revision;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,9 +18,9 @@ void create_tables(SqlDriver& driver, const MapHeader& header);
 
 void write_header(SqlDriver& driver, const MapHeader& header);
 void write_counts(SqlDriver& driver, const Counts& counts);
-/// `replaces`: the entry with this id, which exists.
-void write_entry(SqlDriver& driver, int64_t id, EntryRow row, int64_t revision,
-                 bool replaces = false);
+/// With the ids `first`, `first` + 1, ... Many rows share a statement, because each takes a round
+/// trip to a server.
+void insert_entries(SqlDriver& driver, int64_t first, std::span<EntryRow> rows, int64_t revision);
 void write_removed(SqlDriver& driver, int64_t entry);
 
 }  // namespace revisit

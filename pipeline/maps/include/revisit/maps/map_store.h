@@ -169,7 +169,7 @@ std::string display_name(const std::filesystem::path& map);
 /// existing one; kNew requires that the map does not exist. One process can write while any number
 /// read.
 ///
-/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAPS.md), which any number
+/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/SERVER.md), which any number
 /// of processes can write. A lost connection is reopened, for up to 10 s or patience=SECONDS.
 ///
 /// Throws InputError if the file is missing, exists (kNew), is no map, has a corrupt header or
