@@ -1,31 +1,34 @@
-// Search in large maps of synthetic places, as rows of the tables in docs/SPEED.md.
-//   revisit_large_maps PLACES cosines[NUMBERS] WAY...
-// Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
-// once), graph (HNSW). Query times are the minimum of several rounds; all ways run in turn.
+// Search in large maps, as rows of the tables in docs/SPEED.md and docs/SERVER.md.
+//   revisit_large_maps cosines PLACES DIMENSIONS [graph]
+// Synthetic places. Wall time, the minimum of three rounds.
+//   revisit_large_maps rings MAP PLACES...
+// MAP is an output of `revisit map build` for drives with poses. If PLACES exceeds its size, the
+// others are randomly rotated copies, each with its own amount of noise. Queries are revisits:
+// entries within 5 m of another of their drive, more than 50 frames away. Matches within 50 frames
+// are excluded. CPU time, the minimum of three rounds.
+//   revisit_large_maps server MAP PLACES SHARDS
 #include <cblas.h>
 
-#include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <iostream>
-#include <map>
-#include <random>
-#include <string>
 
 #include "recall.h"
-#include "revisit/base/error.h"
-#include "revisit/maps/map.h"
+#include "revisit/recognition/place_index.h"
+#include "ring_places.h"
 
 namespace {
 
 using namespace revisit;
 
-constexpr int64_t kQueries = 32, kRounds = 3, kCandidates = 300;
+constexpr int64_t kCosineQueries = 32, kMaxQueries = 500, kNear = 50;
 
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+/// Of this thread, because other programs do not affect it.
+double cpu_seconds() {
+  timespec now;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 
 double resident_bytes() {
@@ -34,190 +37,152 @@ double resident_bytes() {
   return pages * 4096;
 }
 
-/// Draws Gaussian numbers from a table, because generating 4 * 10^9 takes minutes.
-class Gaussian {
- public:
-  explicit Gaussian(uint64_t seed) : random_(seed), table_(1 << 16) {
-    std::mt19937 of_table(1);
-    std::normal_distribution<float> gaussian;
-    for (float& value : table_) value = gaussian(of_table);
-  }
-  float operator()() {
-    if (left_ == 0) {
-      bits_ = random_();
-      left_ = 4;
-    }
-    --left_;
-    const float value = table_[bits_ & 0xffff];
-    bits_ >>= 16;
-    return value;
-  }
-
- private:
-  std::mt19937_64 random_;
-  uint64_t bits_ = 0;
-  int left_ = 0;
-  std::vector<float> table_;
+struct Answers {
+  std::vector<Match> matches;
+  std::vector<double> ms;
 };
+
+Answers ask(const PlaceIndex& index, const std::vector<Query>& queries, int rounds,
+            double (*seconds)(), int threads = 1) {
+  Answers answers{std::vector<Match>(queries.size()), std::vector<double>(queries.size(), 1e9)};
+  for (int round = 0; round < rounds; ++round)
+    for (size_t q = 0; q < queries.size(); ++q) {
+      const double start = seconds();
+      answers.matches[q] =
+          index.best(queries[q].descriptor, queries[q].candidates, {.threads = threads});
+      answers.ms[q] = std::min(answers.ms[q], 1e3 * (seconds() - start));
+    }
+  return answers;
+}
 
 /// Standard deviation of number i is i^-0.75, like variances of a PCA. A query is a place with half
 /// as much noise.
-struct World {
-  std::vector<float> spread;
-  Gaussian random{7};
-
-  explicit World(int numbers) {
-    for (int i = 1; i <= numbers; ++i) spread.push_back(std::pow(static_cast<float>(i), -0.75F));
-  }
-  int64_t dim() const { return int64_t(spread.size()); }
-  void place(std::span<float> x) {
-    for (size_t i = 0; i < x.size(); ++i) x[i] = spread[i] * random();
-    normalize(x);
-  }
-  void query(std::span<const float> place, std::span<float> x) {
-    std::vector<float> noise(x.size());
-    this->place(noise);
-    for (size_t i = 0; i < x.size(); ++i) x[i] = place[i] + 0.5F * noise[i];
-    normalize(x);
-  }
-  static void normalize(std::span<float> x) {
-    double sum = 0;
-    for (const float v : x) sum += v * v;
-    for (float& v : x) v = static_cast<float>(v / std::sqrt(sum));
-  }
-};
-
-struct Way {
-  std::string name;
-  std::function<void(int64_t query, Match& match)> ask;
-  int64_t together = 1;  // queries per call
-  double build = 0, bytes = 0;
-  std::vector<Match> matches = std::vector<Match>(kQueries);
-  std::vector<double> times = std::vector<double>(kQueries, 1e9);
-};
-
-std::vector<Match> best_of(std::vector<Match> matches) {
-  for (Match& match : matches) match.ranks.resize(1);
-  return matches;
-}
-
-void print(const std::string& places, const std::string& feature, Way& way,
-           const std::vector<Match>* exact) {
-  double sum = 0;
-  std::vector<double> times;
-  for (int64_t q = 0; q < kQueries; q += way.together) times.push_back(way.times[size_t(q)]);
-  for (const double t : times) sum += t;
-  std::ranges::sort(times);
-  const auto at = [&](double share) {
-    return 1e3 * times[std::min(times.size() - 1, size_t(share * double(times.size())))];
+void measure_cosines(int64_t n, int64_t dim, bool graph) {
+  openblas_set_num_threads(1);
+  Noise noise;
+  auto place = [&, last = std::vector<float>(size_t(dim))]() mutable {
+    const float *const a = noise.draw(last.size()), *const b = noise.draw(last.size());
+    for (size_t i = 0; i < last.size(); ++i)
+      last[i] = (a[i] + b[i]) * std::pow(float(i + 1), -0.75F);
+    normalize(last);
+    return last;
   };
-  std::printf("| %s | %s | %s | %.1f | %.0f | %.4g | %.3g | %.3g | ", places.c_str(),
-              feature.c_str(), way.name.c_str(), way.build, way.bytes, kQueries / sum, at(0.5),
-              at(0.99));
-  if (exact)
-    std::printf("%.3f | %.3f |\n", recall_of(best_of(*exact), best_of(way.matches)),
-                recall_of(*exact, way.matches));
-  else
-    std::printf("| |\n");
-  std::fflush(stdout);
-}
-
-void measure(int64_t n, const std::string& feature, const std::vector<std::string>& names) {
-  World world(feature == "cosines" ? 400 : std::atoi(feature.c_str() + 7));
-  const auto wants = [&](const char* name) {
-    return std::ranges::find(names, name) != names.end();
-  };
-  const double before = resident_bytes();
-  PlaceIndex index(world.dim());
-  double build = 0;
-  std::vector<float> x(size_t(world.dim()));
-  for (int64_t i = 0; i < n; ++i) {
-    world.place(x);
-    const double start = seconds();
-    index.add(x);
-    build += seconds() - start;
-  }
-  const double bytes = (resident_bytes() - before) / double(n);
-  FloatMatrix queries(kQueries, world.dim());
-  for (int64_t q = 0; q < kQueries; ++q)
-    world.query(index.descriptor((q * 7919 + 13) % n), queries.row(q));
-
+  double memory = resident_bytes();
+  PlaceIndex index(dim);
+  for (int64_t i = 0; i < n; ++i) index.add(place());
   const CandidateRange all{0, n};
-  std::vector<Way> ways;
-  const auto exact_way = [&](const char* name, const PlaceIndex& in, int threads) {
-    ways.push_back({name, [&in, &queries, all, threads](int64_t q, Match& match) {
-                      match = in.best(queries.row(q), {&all, 1}, {.threads = threads});
-                    }});
-    ways.back().build = build;
-    ways.back().bytes = bytes;
+  std::vector<std::vector<float>> descriptors;
+  for (int64_t q = 0; q < kCosineQueries; ++q) {
+    std::vector<float>& x = descriptors.emplace_back(index.descriptor((q * 7919 + 13) % n));
+    const std::vector<float> other = place();
+    for (size_t i = 0; i < x.size(); ++i) x[i] += 0.5F * other[i];
+    normalize(x);
+  }
+  std::vector<Query> queries;
+  for (const std::vector<float>& x : descriptors) queries.push_back({x, {&all, 1}});
+  const auto print = [&](const char* search, const Answers& answers, const Answers& exact) {
+    std::printf("| %ld | %ld | %s | %.0f | %.3g | %.3g | %.3f |\n", n, dim, search,
+                (resident_bytes() - memory) / double(n), quantile(answers.ms, 0.5),
+                quantile(answers.ms, 0.99), recall_of(exact.matches, answers.matches));
+    std::fflush(stdout);
   };
-  FloatMatrix keys;
-  std::vector<float> products(size_t(n), 0);
-  if (wants("sgemv")) {
-    keys = FloatMatrix(n, world.dim());
-    for (int64_t i = 0; i < n; ++i) std::ranges::copy(index.descriptor(i), keys.row(i).begin());
-    ways.push_back({"sgemv", [&](int64_t q, Match&) {
-                      cblas_sgemv(CblasRowMajor, CblasNoTrans, int(n), int(keys.d), 1,
-                                  keys.values.data(), int(keys.d), queries.row(q).data(), 1, 0,
-                                  products.data(), 1);
-                    }});
-  }
-  if (wants("exact")) exact_way("exact", index, 1);
-  if (wants("threads")) exact_way("exact, 2 threads", index, 2);
-  if (wants("many")) {
-    ways.push_back({"exact, 32 at once", [&](int64_t, Match& match) {
-                      std::vector<Query> together;
-                      for (int64_t q = 0; q < kQueries; ++q)
-                        together.push_back({queries.row(q), {&all, 1}});
-                      auto matches = index.best_of_many(together);
-                      std::ranges::move(matches, &match);
-                    }});
-    ways.back().together = kQueries;
-  }
-  // A graph changes the index: it is measured after the exact search.
-  for (int64_t round = 0; round < kRounds; ++round)
-    for (int64_t q = 0; q < kQueries; ++q)
-      for (Way& way : ways) {
-        if (q % way.together != 0) continue;
-        const double start = seconds();
-        way.ask(q, way.matches[size_t(q)]);
-        way.times[size_t(q)] = std::min(way.times[size_t(q)], seconds() - start);
-      }
-  const std::vector<Match>* exact = nullptr;
-  for (const Way& way : ways)
-    if (way.name == "exact") exact = &way.matches;
-  const std::string places = std::to_string(n);
-  for (Way& way : ways) print(places, feature, way, way.name == "sgemv" ? nullptr : exact);
-  keys = {};
+  std::puts(
+      "| places | dimensions | search | bytes a place | p50 [ms] | p99 [ms] | recall of the best "
+      "four |\n|---|---|---|---|---|---|---|");
+  const Answers exact = ask(index, queries, 3, wall_seconds);
+  print("exact", exact, exact);
+  print("exact, 2 threads", ask(index, queries, 3, wall_seconds, 2), exact);
+  const double start = wall_seconds();
+  const std::vector<Match> matches = index.best_of_many(queries);
+  const double ms = 1e3 * (wall_seconds() - start) / double(queries.size());
+  print("exact, 32 at once", {matches, {ms}}, exact);
+  if (!graph) return;
+  memory = resident_bytes();
+  index.set_candidate_source(make_hnsw_source(index, 2), 300);
+  print("graph", ask(index, queries, 3, wall_seconds), exact);
+}
 
-  if (!wants("graph")) return;
-  const double memory = resident_bytes(), start = seconds();
-  std::unique_ptr<CandidateSource> graph = make_hnsw_source(index, 2);
-  Way way{"graph", [&](int64_t q, Match& match) { match = index.best(queries.row(q), {&all, 1}); }};
-  way.build = seconds() - start;
-  way.bytes = (resident_bytes() - memory) / double(n);
-  index.set_candidate_source(std::move(graph), kCandidates);
-  for (int64_t round = 0; round < 3 * kRounds; ++round)
-    for (int64_t q = 0; q < kQueries; ++q) {
-      const double begin = seconds();
-      way.ask(q, way.matches[size_t(q)]);
-      way.times[size_t(q)] = std::min(way.times[size_t(q)], seconds() - begin);
+bool near_in_time(const MapEntry& a, const MapEntry& b) {
+  return a.drive == b.drive && std::abs(a.frame - b.frame) <= kNear;
+}
+
+bool same_place(const MapEntry& a, const MapEntry& b) {
+  return a.drive == b.drive && (a.pose->translation() - b.pose->translation()).norm() < 5 &&
+         !near_in_time(a, b);
+}
+
+void measure_rings(const RingMap& map, int64_t n) {
+  Places places(map);
+  FloatMatrix all(n, places.dim());
+  for (int64_t i = 0; i < n; ++i) std::ranges::copy(places.next(), all.row(i).begin());
+  const auto real = map.entries.begin(), end = real + std::min(n, std::ssize(map.entries));
+  std::vector<int64_t> revisits;
+  for (auto i = real; i != end; ++i)
+    if (std::any_of(real, end, [&](const MapEntry& other) { return same_place(*i, other); }))
+      revisits.push_back(i - real);
+  std::shuffle(revisits.begin(), revisits.end(), std::mt19937(1));
+  const int64_t most = std::clamp<int64_t>(100'000'000 / n, 50, kMaxQueries);
+  revisits.resize(std::min(revisits.size(), size_t(most)));
+  std::vector<std::vector<CandidateRange>> candidates_of;
+  std::vector<Query> queries;
+  for (const int64_t revisit : revisits) {
+    std::vector<CandidateRange>& ranges = candidates_of.emplace_back();
+    int64_t begin = 0;
+    for (auto i = real; i != end; ++i) {
+      if (!near_in_time(real[revisit], *i)) continue;
+      if (i - real > begin) ranges.push_back({begin, i - real});
+      begin = i - real + 1;
     }
-  print(places, feature, way, exact);
+    ranges.push_back({begin, n});
+    queries.push_back({all.row(revisit), {}});
+  }
+  for (size_t q = 0; q < queries.size(); ++q) queries[q].candidates = candidates_of[q];
+  const auto is_correct = [&](size_t q, const Answers& answers) {
+    const int64_t best = answers.matches[q].ranks.front();
+    return best < end - real && same_place(real[revisits[q]], real[best]);
+  };
+  Answers exact;
+  for (const int64_t candidates : {0, 100, 300, 1000}) {
+    const double start = cpu_seconds();
+    PlaceIndex index(all.d, ring_comparison(map.layout, candidates));
+    for (int64_t i = 0; i < n; ++i) index.add_view(all.row(i));
+    const double build = cpu_seconds() - start;
+    const Answers answers = ask(index, queries, candidates == 0 ? 1 : 3, cpu_seconds);
+    if (candidates == 0) exact = answers;
+    int64_t correct = 0, kept = 0;
+    for (size_t q = 0; q < queries.size(); ++q)
+      if (is_correct(q, exact)) {
+        ++correct;
+        kept += is_correct(q, answers);
+      }
+    std::printf("| %ld | %ld | %.2f | %.3g, %.3g | %ld | %.4f | %.4f |\n", n, candidates, build,
+                quantile(answers.ms, 0.5), quantile(answers.ms, 0.99), correct,
+                double(kept) / double(correct), recall_of(exact.matches, answers.matches));
+    std::fflush(stdout);
+  }
 }
 
 }  // namespace
 
 int main(int count, char** arguments) try {
-  if (count < 4 || !std::string(arguments[2]).starts_with("cosines")) {
-    std::cerr << "usage: revisit_large_maps PLACES cosines[NUMBERS] WAY...\n";
+  const std::string what = count < 4 ? "" : arguments[1];
+  if (what == "cosines") {
+    measure_cosines(std::atoll(arguments[2]), std::atoll(arguments[3]), count > 4);
+  } else if (what == "rings") {
+    std::puts(
+        "| entries | candidates, or 0: all | codes built in [s] | p50, p99 [ms] | found among all "
+        "| "
+        "of them found | of the best four |\n|---|---|---|---|---|---|---|");
+    const RingMap map(arguments[2]);
+    for (int i = 3; i < count; ++i) measure_rings(map, std::atoll(arguments[i]));
+  } else if (what == "server" && count == 5) {
+    measure_server(RingMap(arguments[2]), std::atoll(arguments[3]), std::atoll(arguments[4]));
+  } else {
+    std::cerr << "usage: revisit_large_maps cosines PLACES DIMENSIONS [graph]\n"
+                 "       revisit_large_maps rings MAP PLACES...\n"
+                 "       revisit_large_maps server MAP PLACES SHARDS\n";
     return 2;
   }
-  openblas_set_num_threads(1);
-  std::cout << "| places | compared | search | build [s] | bytes a place | queries/s | p50 [ms] | "
-               "p99 [ms] | recall of the best | of the best four "
-               "|\n|---|---|---|---|---|---|---|---|---|---|\n";
-  measure(std::atoll(arguments[1]), arguments[2], {arguments + 3, arguments + count});
 } catch (const std::exception& error) {
   std::cerr << error.what() << '\n';
   return 1;
