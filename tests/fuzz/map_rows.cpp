@@ -8,7 +8,7 @@
 #include "bytes.h"
 #include "fuzz.h"
 #include "map_file.h"
-#include "map_tables.h"
+#include "map_format.h"
 #include "revisit/loops/loop_detector.h"
 #include "small_rings.h"
 #include "sqlite_driver.h"

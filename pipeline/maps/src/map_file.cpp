@@ -12,7 +12,6 @@
 #include <string_view>
 #include <vector>
 
-#include "map_tables.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "sqlite_driver.h"

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "map_format.h"
-#include "sql_driver.h"
 
 namespace revisit {
 

@@ -12,6 +12,7 @@
 
 #include "revisit/base/hash.h"
 #include "revisit/maps/map_store.h"
+#include "sql_driver.h"
 
 /// Values of a map's tables, equal in SQLite and PostgreSQL.
 namespace revisit {
@@ -109,5 +110,17 @@ std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t entries);
 inline constexpr float kLargest = 1e9F;
 inline constexpr const char* kTooLarge = "numbers that are not finite, or above 1e9";
 bool is_usable(std::span<const float> numbers);
+
+/// Statements beside those of MapStore, in a transaction. Definitions: one per table, in this
+/// order.
+std::vector<std::string> table_definitions(const SqlDialect& dialect);
+/// Throws UsageError as text_of().
+void create_tables(SqlDriver& driver, const MapHeader& header);
+void write_header(SqlDriver& driver, const MapHeader& header);
+void write_counts(SqlDriver& driver, const Counts& counts);
+/// With the ids `first`, `first` + 1, ... Many rows share a statement, because each takes a round
+/// trip to a server.
+void insert_entries(SqlDriver& driver, int64_t first, std::span<EntryRow> rows, int64_t revision);
+void write_removed(SqlDriver& driver, int64_t entry);
 
 }  // namespace revisit

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <set>
 
-#include "map_tables.h"
+#include "map_format.h"
 #include "revisit/base/error.h"
 
 namespace revisit {

@@ -4,7 +4,7 @@
 #include <random>
 #include <thread>
 
-#include "map_tables.h"
+#include "map_format.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
