@@ -11,7 +11,6 @@
 
 #include <cstdio>
 #include <ctime>
-#include <fstream>
 #include <iostream>
 
 #include "recall.h"
@@ -29,12 +28,6 @@ double cpu_seconds() {
   timespec now;
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
   return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
-}
-
-double resident_bytes() {
-  double pages = 0;
-  std::ifstream("/proc/self/statm") >> pages >> pages;
-  return pages * 4096;
 }
 
 struct Answers {
@@ -67,7 +60,7 @@ void measure_cosines(int64_t n, int64_t dim, bool graph) {
     normalize(last);
     return last;
   };
-  double memory = resident_bytes();
+  double memory = heap_bytes();
   PlaceIndex index(dim);
   for (int64_t i = 0; i < n; ++i) index.add(place());
   const CandidateRange all{0, n};
@@ -80,26 +73,24 @@ void measure_cosines(int64_t n, int64_t dim, bool graph) {
   }
   std::vector<Query> queries;
   for (const std::vector<float>& x : descriptors) queries.push_back({x, {&all, 1}});
-  const auto print = [&](const char* search, const Answers& answers, const Answers& exact) {
+  const Answers exact = ask(index, queries, 3, wall_seconds);
+  const auto print = [&](const char* search, const Answers& answers) {
     std::printf("| %ld | %ld | %s | %.0f | %.3g | %.3g | %.3f |\n", n, dim, search,
-                (resident_bytes() - memory) / double(n), quantile(answers.ms, 0.5),
+                (heap_bytes() - memory) / double(n), quantile(answers.ms, 0.5),
                 quantile(answers.ms, 0.99), recall_of(exact.matches, answers.matches));
-    std::fflush(stdout);
   };
   std::puts(
       "| places | dimensions | search | bytes a place | p50 [ms] | p99 [ms] | recall of the best "
       "four |\n|---|---|---|---|---|---|---|");
-  const Answers exact = ask(index, queries, 3, wall_seconds);
-  print("exact", exact, exact);
-  print("exact, 2 threads", ask(index, queries, 3, wall_seconds, 2), exact);
+  print("exact", exact);
+  print("exact, 2 threads", ask(index, queries, 3, wall_seconds, 2));
   const double start = wall_seconds();
   const std::vector<Match> matches = index.best_of_many(queries);
-  const double ms = 1e3 * (wall_seconds() - start) / double(queries.size());
-  print("exact, 32 at once", {matches, {ms}}, exact);
+  print("exact, 32 at once", {matches, {1e3 * (wall_seconds() - start) / kCosineQueries}});
   if (!graph) return;
-  memory = resident_bytes();
+  memory = heap_bytes();
   index.set_candidate_source(make_hnsw_source(index, 2), 300);
-  print("graph", ask(index, queries, 3, wall_seconds), exact);
+  print("graph", ask(index, queries, 3, wall_seconds));
 }
 
 bool near_in_time(const MapEntry& a, const MapEntry& b) {
@@ -150,11 +141,10 @@ void measure_rings(const RingMap& map, int64_t n) {
     const Answers answers = ask(index, queries, candidates == 0 ? 1 : 3, cpu_seconds);
     if (candidates == 0) exact = answers;
     int64_t correct = 0, kept = 0;
-    for (size_t q = 0; q < queries.size(); ++q)
-      if (is_correct(q, exact)) {
-        ++correct;
-        kept += is_correct(q, answers);
-      }
+    for (size_t q = 0; q < queries.size(); ++q) {
+      correct += is_correct(q, exact);
+      kept += is_correct(q, exact) && is_correct(q, answers);
+    }
     std::printf("| %ld | %ld | %.2f | %.3g, %.3g | %ld | %.4f | %.4f |\n", n, candidates, build,
                 quantile(answers.ms, 0.5), quantile(answers.ms, 0.99), correct,
                 double(kept) / double(correct), recall_of(exact.matches, answers.matches));

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -16,6 +18,12 @@ namespace revisit {
 
 inline double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Of all arenas.
+inline double heap_bytes() {
+  const struct mallinfo2 heap = ::mallinfo2();
+  return double(heap.uordblks + heap.hblkhd);
 }
 
 inline double quantile(std::vector<double> values, double share) {

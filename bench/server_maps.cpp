@@ -1,10 +1,8 @@
-#include <malloc.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstdio>
-#include <fstream>
 #include <future>
 #include <thread>
 
@@ -18,17 +16,6 @@ namespace revisit {
 namespace {
 
 constexpr int64_t kCandidates = 1000, kQueries = 200, kAdded = 20;
-
-/// Memory of this process, without pages that a file can give back [bytes].
-double anonymous_bytes() {
-  std::ifstream status("/proc/self/status");
-  for (std::string name, kilobytes; status >> name; std::getline(status, kilobytes))
-    if (name == "RssAnon:") {
-      status >> kilobytes;
-      return 1000 * 1.024 * std::stod(kilobytes);
-    }
-  return 0;
-}
 
 /// Its features are descriptors.
 FeatureExtractor descriptors_as_features(const RingMap& map) {
@@ -46,7 +33,7 @@ FeatureExtractor descriptors_as_features(const RingMap& map) {
 class Shards {
  public:
   Shards(const FeatureExtractor& extractor, const std::vector<std::string>& urls) {
-    const double before = anonymous_bytes(), start = wall_seconds();
+    const double before = heap_bytes(), start = wall_seconds();
     for (const std::string& url : urls) {
       const MapFingerprint fingerprint = fingerprint_of(extractor, {});
       shards_.push_back(std::make_unique<Map>(extractor, MapOptions{},
@@ -54,14 +41,13 @@ class Shards {
       size += shards_.back()->size();
     }
     open = wall_seconds() - start;
-    bytes = anonymous_bytes() - before;
+    bytes = heap_bytes() - before;
   }
   /// The best score of all shards wins. Returns shard and index.
   std::pair<size_t, int64_t> query(const Description& scan) const {
     std::vector<std::future<std::optional<Loop>>> answers;
     for (const auto& shard : shards_)
-      answers.push_back(std::async(shards_.size() == 1 ? std::launch::deferred : std::launch::async,
-                                   [&] { return shard->query(scan); }));
+      answers.push_back(std::async(std::launch::async, [&] { return shard->query(scan); }));
     std::pair<size_t, int64_t> best;
     double score = -1e9;
     for (size_t i = 0; i < answers.size(); ++i)
@@ -100,11 +86,14 @@ void fill(const RingMap& map, const FeatureExtractor& extractor, int64_t n,
   }
 }
 
-/// Queries are noisy, rotated copies of entries of `map`, which are the first of shard 0.
-void measure_queries(const char* process, const RingMap& map, const Shards& shards) {
+/// In each of two processes. The first adds an entry when the other is ready, and writes when.
+void measure_process(bool is_first, int socket, const RingMap& map,
+                     const std::vector<std::string>& urls) {
+  const FeatureExtractor extractor = descriptors_as_features(map);
+  Shards shards(extractor, urls);
   Places places(map);
   std::vector<double> times;
-  int64_t found = 0;
+  int64_t found = 0;  // noisy, rotated copies of entries, which are the first of shard 0
   for (int64_t q = 0; q < kQueries; ++q) {
     const int64_t entry = q * 7919 % int64_t(map.entries.size());
     const Description scan{.feature = places.copy_of(entry, 0.3F), .error = ""};
@@ -115,18 +104,10 @@ void measure_queries(const char* process, const RingMap& map, const Shards& shar
   std::printf(
       "%s: %ld entries open in %.1f s, %.0f bytes an entry, query p50 %.1f ms, p99 %.1f ms, "
       "%ld of %ld found\n",
-      process, shards.size, shards.open, shards.bytes / double(shards.size), quantile(times, 0.5),
-      quantile(times, 0.99), found, kQueries);
+      is_first ? "process 1" : "process 2", shards.size, shards.open,
+      shards.bytes / double(shards.size), quantile(times, 0.5), quantile(times, 0.99), found,
+      kQueries);
   std::fflush(stdout);
-}
-
-/// In each of two processes. The first adds an entry when the other is ready, and writes when.
-void measure_process(bool is_first, int socket, const RingMap& map,
-                     const std::vector<std::string>& urls) {
-  const FeatureExtractor extractor = descriptors_as_features(map);
-  Shards shards(extractor, urls);
-  measure_queries(is_first ? "process 1" : "process 2", map, shards);
-  Places places(map);
   std::vector<double> delays;
   for (int64_t i = 0; i < kAdded; ++i) {
     double start = 0;
@@ -173,7 +154,6 @@ void measure_server(const RingMap& map, int64_t n, int64_t shards) {
   if (::socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0) throw Error("no sockets");
   for (const bool is_first : {true, false})
     if (::fork() == 0) {
-      ::malloc_trim(0);  // memory of fill(), which would be used again
       measure_process(is_first, ends[is_first ? 1 : 0], map, urls);
       std::fflush(stdout);
       std::_Exit(0);
