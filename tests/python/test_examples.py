@@ -1,7 +1,6 @@
 """Runs the programs of examples/ with synthetic networks and a simulated drive."""
 
 import importlib.util
-import json
 import os
 import re
 import shutil
@@ -18,7 +17,6 @@ from revisit import datasets, proto
 from scans import room, simulate
 
 EXAMPLES = Path(__file__).resolve().parents[2] / 'examples'
-PICTURES = importlib.util.find_spec('matplotlib') is not None
 SLAM = all(importlib.util.find_spec(name) for name in ('kiss_icp', 'gtsam', 'evo', 'matplotlib'))
 
 
@@ -35,13 +33,6 @@ class Examples(FolderTest):
         super().setUp()
         self.prototxt = self.folder / 'net.prototxt'
         self.prototxt.write_text(CONVOLVE)
-
-    def picture(self):
-        return ['-o', self.folder / 'picture.png'] if PICTURES else []
-
-    def check_picture(self):
-        if PICTURES:
-            self.assertEqual((self.folder / 'picture.png').read_bytes()[1:4], b'PNG')
 
     def test_classify_image(self):
         # The fourth channel copies blue, the fourth class sums it: blue images are of class 3.
@@ -118,21 +109,6 @@ class Examples(FolderTest):
         (self.folder / 'out').write_text('a file')
         code, _, said = self.slam(scans, '--sensor', 'hdl64')
         self.assertEqual((code, said.count('\n')), (1, 1), said)
-
-    @unittest.skipUnless(PICTURES, 'matplotlib is not installed')
-    def test_draw_loops(self):
-        """80 m in both directions. On the way back, one loop is 30 m off, and one scan is missed."""
-        scans = [{'frame': 4 * i, 'position': {'x': 0 if i < 40 else 2, 'z': min(2 * i, 160 - 2 * i)}} for i in range(80)]
-        for i in range(46, 80):
-            match = 4 * (80 - i) if i != 60 else 4 * (80 - i) + 60
-            scans[i] |= {'match_frame': match, 'yaw_deg': 180, 'accepted': i != 70}
-        lines = self.folder / 'loops.jsonl'
-        lines.write_text(''.join(json.dumps(scan) + '\n' for scan in scans))
-        printed = run('draw_loops', lines, *self.picture())
-        self.assertEqual(printed, '33 loops accepted, 32 correct, 1 missed\n')
-        self.check_picture()
-        run('draw_loops', lines, '--frame', 300, *self.picture())
-        self.check_picture()
 
 
 if __name__ == '__main__':
