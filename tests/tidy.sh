@@ -12,7 +12,7 @@ sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_comm
 cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
 files=("$@")
 skipped=(':!tests/**')
-for folder in python/src bench; do
+for folder in python/src bench examples; do
   grep -q "/$folder/" $build/compile_commands.json || skipped+=(":!${folder%%/*}/**")
 done
 [ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' "${skipped[@]}")

@@ -113,18 +113,18 @@ double direct_ms(const ConvolutionProblem& p) {
 double plain_input_tiles_ms(const ConvolutionProblem& p) {
   constexpr double kPerRun = 8;  // per unfolded row of kernel taps
   const auto rows = static_cast<double>(p.n * p.out_h), columns = static_cast<double>(p.out_w);
-  const double steps = static_cast<double>(plain_input_weights(p) / (kTileDepth * kLanes));
+  const int64_t steps = plain_input_weights(p) / (kTileDepth * kLanes);
   const double unfold = columns * static_cast<double>(p.c_in * p.kernel_h) * kPerRun;
-  return rows * (unfold + tile_cycles(p.out_w, steps, channel_blocks(p.c_out))) * tile_slowness() /
-         kCyclesPerMs;
+  const double tiles = tile_cycles(p.out_w, static_cast<double>(steps), channel_blocks(p.c_out));
+  return rows * (unfold + tiles) * tile_slowness() / kCyclesPerMs;
 }
 
 double tiles_ms(const ConvolutionProblem& problem) {
   const ConvolutionProblem p = on_one_thread(problem);
   const DirectShape s(p, kTileCut);
-  const double steps = static_cast<double>(s.packed_depth * kLanes / kTileDepth);
-  const double multiply =
-      static_cast<double>(s.images) * tile_cycles(p.out_pixels(), steps, s.out_blocks);
+  const int64_t steps = s.packed_depth * kLanes / kTileDepth;
+  const double multiply = static_cast<double>(s.images) *
+                          tile_cycles(p.out_pixels(), static_cast<double>(steps), s.out_blocks);
   const auto bytes = static_cast<double>(s.out_blocks * s.weights() * value_bytes(p.values));
   const double cycles = multiply + unfold_cycles(p, s) +
                         weights_cycles(bytes, s.images * s.chunks.columns.parts, multiply);
