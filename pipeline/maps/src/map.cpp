@@ -84,6 +84,8 @@ class ScanDescriber {
 void check(const MapOptions& options) {
   if (options.warmup < 2)
     throw UsageError(str("warm-up: expected at least 2 entries, found ", options.warmup));
+  if (options.threads < 1)
+    throw UsageError("threads: expected at least 1, found ", options.threads);
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.hnsw_candidates < 0)
     throw UsageError(str("HNSW candidates: expected at least 0, found ", options.hnsw_candidates));
@@ -102,12 +104,16 @@ Score score_of(const FeatureExtractor& extractor, const MapOptions& options) {
 /// Sensor of the shipped model of an existing map; "" for a new one.
 std::string sensor_of_map(const std::filesystem::path& file, MapAccess access) {
   const std::string key = feature_key_of(file);
-  std::error_code unknown;  // a server's address is no file
-  const auto bytes = std::filesystem::file_size(file, unknown);
-  if (key.empty() && !file.empty() && (access == MapAccess::kRead || (!unknown && bytes > 0)))
-    open_map(file, MapAccess::kRead);  // throws
-  if (key.empty() && !file.empty() && !is_server_address(file.string())) check_target(file);
-  if (key.empty()) return "";
+  if (key.empty()) {
+    namespace fs = std::filesystem;
+    std::error_code none;  // a server's address is no file
+    const bool is_new =
+        !fs::exists(file, none) || (fs::is_regular_file(file, none) && fs::is_empty(file, none));
+    if (!file.empty() && (access == MapAccess::kRead || !is_new))
+      open_map(file, MapAccess::kRead);  // throws
+    if (!file.empty() && !is_server_address(file.string())) check_target(file);
+    return "";
+  }
   const std::string sensor = shipped_ring_sensor(key);
   if (sensor.empty())
     throw InputError(display_name(file), ": its feature is not that of a shipped ring model but '",

@@ -46,8 +46,8 @@ std::shared_ptr<const int> lock_writer(const fs::path& map, const std::string& n
     const bool is_locked = ::flock(descriptor, LOCK_EX | LOCK_NB) == 0;
     const int reason = errno;
     if (is_locked && is_named(descriptor, file))  // a writer that ends removes it
-      return {new int(descriptor), [file](const int* held) {
-                ::unlink(file.c_str());
+      return {new int(descriptor), [file, owner = ::getpid()](const int* held) {
+                if (::getpid() == owner) ::unlink(file.c_str());  // not in a forked child
                 ::close(*held);
                 delete held;
               }};

@@ -316,7 +316,10 @@ std::vector<int64_t> MapStore::add(std::span<const MapEntry> entries,
   return driver_->run(Locking::kWrites, [&] {
     std::vector<int64_t> ids;
     Counts counts = lock_counts(*driver_);
-    const int64_t current = read_header(*driver_).revision;
+    const MapHeader header = read_header(*driver_);
+    if (header.fingerprint != fingerprint_)
+      throw InputError(driver_->name(), ": another map has replaced this one; open it again");
+    const int64_t current = header.revision;
     if (revision && *revision != current) return ids;
     insert_entries(*driver_, counts.entries + 1, rows, current);
     for (size_t i = 0; i < rows.size(); ++i) {
@@ -407,8 +410,13 @@ void MapStore::check(const Warn& report) const {
   driver_->transaction(Locking::kReads, [&] {
     read_values(*driver_, "");
     read_removed(*driver_, 0);
-    driver_->execute("SELECT id FROM cloud ORDER BY id", {},
-                     [&](const SqlRow& row) { read_cloud(*driver_, row.integer(0)); });
+    driver_->execute("SELECT id FROM cloud ORDER BY id", {}, [&](const SqlRow& row) {
+      try {
+        read_cloud(*driver_, row.integer(0));
+      } catch (const InputError& error) {
+        report(error.what());
+      }
+    });
     if (driver_->dialect.integrity_check == nullptr) return;
     driver_->execute(driver_->dialect.integrity_check, {}, [&](const SqlRow& row) {
       if (row.bytes(0) != "ok") report(str(driver_->name(), ": ", row.bytes(0)));

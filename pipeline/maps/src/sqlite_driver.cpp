@@ -79,6 +79,7 @@ SqliteDriver::SqliteDriver(const std::string& path, int flags, std::string name,
 }
 
 SqliteDriver::~SqliteDriver() {
+  if (::getpid() != owner_) return;  // a forked child; closing would release the parent's locks
   // Then the file has all entries, also if readers keep the log.
   if (lock_ != nullptr)
     sqlite3_wal_checkpoint_v2(handle_, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
@@ -126,6 +127,11 @@ void SqliteDriver::execute(const std::string& sql, const std::vector<SqlValue>& 
 void SqliteDriver::transaction(Locking locking, const std::function<void()>& work) {
   if (locking == Locking::kWrites && ::getpid() != owner_)  // sqlite.org/howtocorrupt.html, 2.6
     throw Error(name(), ": the process that opened this map forked; open the map again");
+  int is_gone = 0;
+  if (locking == Locking::kWrites && lock_ != nullptr &&
+      sqlite3_file_control(handle_, "main", SQLITE_FCNTL_HAS_MOVED, &is_gone) == SQLITE_OK &&
+      is_gone != 0)
+    throw Error(name(), ": the file was moved or deleted while it was open; open the map again");
   execute(locking == Locking::kWrites ? "BEGIN IMMEDIATE" : "BEGIN");
   try {
     work();

@@ -74,7 +74,12 @@ TEST(SqliteMap, HasOneWriter) {
     lock.l_type = F_WRLCK;
     EXPECT_EQ(::fcntl(file, F_GETLK, &lock), 0);
     EXPECT_EQ(lock.l_type, F_RDLCK);
+    map.reset();  // that of the parent
   });
+  expect_no_writing(dir / "map", kBusy);
+  fs::rename(dir / "map", dir / "moved");
+  expect_error<Error>([&] { map->add(made_entries(21, 21)); }, {"map: the file was moved"});
+  fs::rename(dir / "moved", dir / "map");
   map.reset();
   for (const char* other : {"map-wal", "map-shm", "map-writer"})
     EXPECT_FALSE(fs::exists(dir / other));

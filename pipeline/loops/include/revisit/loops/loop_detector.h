@@ -111,7 +111,8 @@ class LoopDetector {
   /// Throws what Map::add() throws, and UsageError if the exclusion needs a time or a pose that
   /// `scan` lacks. With local maps, a scan without a pose is not described.
   Detection take(const PointsView& points, const ScanStamp& scan);
-  /// Compares a scan with all entries and does not add it.
+  /// Compares a scan with all entries and does not add it. A map of local maps needs the points of
+  /// one, accumulated by the caller.
   Detection query(const PointsView& points);
 
   Map& map() const;
@@ -125,7 +126,8 @@ class LoopDetector {
   /// That of the map, else verified_calibration() or, for loops that are not registered, that of
   /// the feature.
   std::optional<Calibration> calibration() const;
-  /// Stores a calibration in the map. Throws UsageError for another k or score, or without blocks.
+  /// Stores a calibration in the map, for detectors to be made and those of other processes. Throws
+  /// UsageError for another k or score, or without blocks.
   void calibrate(const Calibration& calibration);
 
  private:

@@ -89,7 +89,7 @@ class Map {
   /// known yet, the file is opened by the first describe(). Throws what open_map() throws,
   /// UsageError for invalid options, and InputError for a map of another feature than a shipped
   /// ring model. `warn` gets a message for the sensor that was found, for each corrupt entry, and
-  /// if the warm-up cannot be completed; absent: standard error.
+  /// if the warm-up cannot be completed; it must not call this object. Absent: standard error.
   explicit Map(const std::filesystem::path& file, const MapOptions& options = {},
                const MapStore::Warn& warn = {});
   /// Any feature of scans. Loads the entries of `map`; null: a temporary file. Throws UsageError
@@ -103,7 +103,7 @@ class Map {
   /// Adds entries, or none, in one transaction and returns their indices, which follow those of
   /// entries that other processes added before. Each needs MapEntry::feature, of describe().
   /// `claim` must contain their frames and ends with the call. Also completes a warm-up that a
-  /// killed process left unfinished. Throws UsageError for another feature, and what
+  /// killed process left unfinished. Throws UsageError for a feature of other dimensions, and what
   /// MapStore::add() throws; the entries are then not added to this object either.
   std::vector<int64_t> add(std::vector<MapEntry> entries, Claim* claim = nullptr);
   /// Removes entries, also from the file (MapStore::remove()), and returns the number removed now.
@@ -115,9 +115,9 @@ class Map {
 
   /// Best match, without the entries at the indices `exclude` (in any order), which are temporal
   /// neighbors. Empty if there is none or the scan was not described. Throws UsageError for a scan
-  /// described by another feature.
+  /// with other dimensions.
   std::optional<Loop> query(const Description& scan, std::span<const int64_t> exclude = {}) const;
-  /// Throws UsageError for a scan that was not described by this feature.
+  /// Throws UsageError for a scan with other dimensions.
   double similarity(const Description& scan, int64_t index) const;
 
   /// Number of indices in use: entries, including those removed since they were loaded.
