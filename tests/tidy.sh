@@ -8,8 +8,8 @@ python=()  # with nanobind, if tests/run.sh has run
 [ ! -x build/venv/bin/python ] || python=("-DPython_EXECUTABLE=$root/build/venv/bin/python")
 [ -f $build/compile_commands.json ] ||
   cmake --preset dev -B $build -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON "${python[@]}" >/dev/null
-sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_commands.json  # unknown to clang
 cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
+sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_commands.json  # unknown to clang
 files=("$@")
 skipped=(':!tests/**')
 for folder in python/src bench examples; do
