@@ -14,6 +14,8 @@ namespace {
 
 /// The warm-up ends after this many entries for each distinct one that it should have.
 constexpr int64_t kMaxEntriesPerDistinct = 5;
+/// Limit of the features of a warm-up, 1 GB: deflated ones of an untrusted file are far smaller.
+constexpr int64_t kMostNumbers = int64_t{1} << 28;
 
 Projection unchanged_projection(const FeatureExtractor& extractor) {
   Projection projection;
@@ -75,8 +77,13 @@ void KnownEntries::read_new_entries() {
     return;
   }
   std::vector<MapEntry> entries_read;
-  const MapState state = map_.read(
-      read_to_.last, [&](MapEntry&& entry) { entries_read.push_back(std::move(entry)); }, warn_);
+  const auto keep = [&, most = kMostNumbers / extractor_.dim](MapEntry&& entry) {
+    if (size() + std::ssize(entries_read) == most)
+      throw InputError("the map's warm-up is not complete and has more than ", most,
+                       " entries; build the map again with a smaller warm-up");
+    entries_read.push_back(std::move(entry));
+  };
+  const MapState state = map_.read(read_to_.last, keep, warn_);
   // Another process may have completed the warm-up meanwhile: then these have no features.
   look_for_projection();
   read_to_ = state;
