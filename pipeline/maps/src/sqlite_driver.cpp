@@ -100,7 +100,7 @@ void SqliteDriver::harden() {
   sqlite3_limit(handle_, SQLITE_LIMIT_COMPOUND_SELECT, 3);
   sqlite3_limit(handle_, SQLITE_LIMIT_VDBE_OP, 25'000);
   sqlite3_limit(handle_, SQLITE_LIMIT_ATTACHED, 1);  // VACUUM attaches a copy
-  execute("PRAGMA cell_size_check = ON");
+  SqliteDriver::execute("PRAGMA cell_size_check = ON");
 }
 
 void SqliteDriver::execute(const std::string& sql, const std::vector<SqlValue>& values,
