@@ -63,8 +63,9 @@ TEST(Map, FindsMatchesWithTheirProperties) {
     EXPECT_GT(loop->similarity, 0.99);
     EXPECT_LE(loop->kth_similarity, loop->similarity);
     EXPECT_EQ(loop->score, 2 * loop->similarity - loop->kth_similarity);
-    EXPECT_NEAR(*loop->relative_yaw, scan_of(i).points[0].x - scan_of(i - 100).points[0].x,
-                0.02);  // a map rounds its features
+    std::vector<float> entry{scan_of(i - 100).points[0].x};
+    round_feature(entry);  // as the map does
+    EXPECT_NEAR(*loop->relative_yaw, scan_of(i).points[0].x - entry[0], 1e-5);
     const int64_t without[] = {i - 100};
     EXPECT_NE(map.query(scan, without)->index, i - 100);
   }
