@@ -114,7 +114,7 @@ class Places {
   int64_t made_ = 0;
 };
 
-/// Fills a PostgreSQL server of its own with `n` entries in so many maps, opens them in two
+/// Fills a PostgreSQL server of its own with `n` entries in `shards` maps, opens them in two
 /// processes, and prints the figures of docs/SERVER.md.
 void measure_server(const RingMap& map, int64_t n, int64_t shards);
 

@@ -2,7 +2,6 @@
 
 #include <charconv>
 #include <cmath>
-#include <iostream>
 #include <utility>
 
 #include "acceptance.h"
@@ -129,8 +128,7 @@ struct LoopDetector::Impl {
 namespace {
 
 LoopDetectorOptions with_warn(LoopDetectorOptions options) {
-  if (!options.warn)
-    options.warn = [](const std::string& what) { std::cerr << "revisit: " << what << "\n"; };
+  options.warn = or_standard_error(options.warn);
   return options;
 }
 

@@ -23,10 +23,6 @@ namespace {
 /// Must be raised with every change of the descriptor of a given scan.
 constexpr int kRecognizerVersion = 1;
 
-/// Include every correct best match of an exhaustive comparison and all of the four best, which
-/// make the score, in maps of up to a million entries (docs/SPEED.md).
-constexpr int64_t kCandidates = 1000;
-
 constexpr const char* kNoPoints = "the scan has no points";
 
 /// Thread-safe. Keeps references to its arguments.
@@ -148,9 +144,7 @@ struct Map::Impl {
   std::unique_ptr<Described> described;  // null: the sensor is not known
 
   Impl(std::filesystem::path path, const MapOptions& chosen, const MapStore::Warn& say)
-      : file(std::move(path)),
-        warn(say ? say : [](const std::string& what) { std::cerr << "revisit: " << what << "\n"; }),
-        options(chosen) {
+      : file(std::move(path)), warn(or_standard_error(say)), options(chosen) {
     check(options);
   }
 
@@ -165,8 +159,8 @@ struct Map::Impl {
 
   void open_rings(const std::string& sensor) {
     const RingModel model = shipped_ring_model(sensor);
-    FeatureExtractor rings = ring_recognizer(model, ring_net(model), {.candidates = kCandidates},
-                                             {.threads = options.threads});
+    FeatureExtractor rings = ring_recognizer(
+        model, ring_net(model), {.candidates = kRingCandidates}, {.threads = options.threads});
     const MapFingerprint fingerprint = fingerprint_of(rings, options);
     open(std::move(rings), file.empty() ? nullptr : open_map(file, options.access, &fingerprint));
     options.sensor = sensor;
@@ -212,6 +206,11 @@ Map::Map(FeatureExtractor extractor, const MapOptions& options, std::unique_ptr<
 }
 
 Map::~Map() = default;
+
+MapStore::Warn or_standard_error(const MapStore::Warn& warn) {
+  if (warn) return warn;
+  return [](const std::string& what) { std::cerr << "revisit: " << what << "\n"; };
+}
 
 MapFingerprint fingerprint_of(const FeatureExtractor& extractor, const MapOptions& options) {
   check(options);

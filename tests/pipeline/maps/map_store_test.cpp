@@ -480,8 +480,8 @@ int64_t check_changes(const MapStore& map, std::span<Acknowledged> acknowledged,
   return all;
 }
 
-/// Two writers and a reader in three processes, one of which is killed again and again and started
-/// anew. REVISIT_TEST_MINUTE=1 kills one per second for a minute.
+/// Two writers and a reader in three processes, one of which is killed and started many times.
+/// REVISIT_TEST_MINUTE=1 kills one per second for a minute.
 TEST_P(MapStoreTest, KeepsAcknowledgedChangesOfKilledProcesses) {
   const bool takes_a_minute = std::getenv("REVISIT_TEST_MINUTE") != nullptr;
   const int maps = takes_a_minute ? 1 : 5, kills = takes_a_minute ? 60 : is_server() ? 15 : 50;

@@ -19,10 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Include every correct best match of an exhaustive comparison and all of the four best, which
-/// make the score, in maps of up to a million entries (docs/SPEED.md).
-constexpr int64_t kCandidates = 1000;
-
 constexpr double kCalibrationRadius = 5;  // of a correct match [m]
 
 struct LoopsOptions {
@@ -50,7 +46,7 @@ struct LoopsOptions {
 };
 
 void LoopsOptions::declare(Options& options) {
-  feature.default_candidates = kCandidates;
+  feature.default_candidates = kRingCandidates;
   feature.declare(options, Scans::kOneByOne);
   options.group("Loops:")
       .option("exclusion", "KIND=N",

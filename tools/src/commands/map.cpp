@@ -39,7 +39,8 @@ void print_configuration(const fs::path& file, bool checked) {
   table.row({"removed", str(map->removed().size())});
   table.row({"dtype", name_of(map->descriptor_type())});
   const auto dimensions = map->dimensions();
-  table.row({"dimensions", dimensions ? str(*dimensions) : "unknown before the descriptor projection"});
+  table.row(
+      {"dimensions", dimensions ? str(*dimensions) : "unknown before the descriptor projection"});
   for (const auto& [name, value] : map->fingerprint()) table.row({name, value});
   const auto add = [&](const char* what, const char* name, const auto& text_of) {
     std::string text = "corrupt";

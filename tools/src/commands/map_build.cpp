@@ -80,7 +80,7 @@ class MapBuilder {
   int64_t skipped() const { return skipped_; }
 
   void add_missing() {
-    const std::map<int64_t, int64_t> there = map_.entries_of(drive_);
+    const DriveEntries there = map_.entries_of(drive_);
     std::erase_if(frames_, [&](int64_t frame) { return there.contains(frame); });
     const auto all = std::ssize(frames_);
     for (int64_t done = 0; done < all; done += at_once()) {

@@ -168,7 +168,7 @@ struct PerturbedQueries {
 /// Perturbs scans of a drive and uses each as a query against the unperturbed drive and the
 /// distractors: a task per perturbation. Candidates are all scans beyond `options.exclusion`, which
 /// is none by default and always excludes the original; with Trajectory::listed only earlier scans.
-/// The score is that of Map::score(). Features are cached, so that an interrupted call
+/// The score is MapOptions::score. Features are cached, so that an interrupted call
 /// can be resumed. Ignores protocols, k, resamples and score of `options`.
 ///
 /// Throws UsageError for a drive without poses (for Distance::kPlace: place names), a feature of

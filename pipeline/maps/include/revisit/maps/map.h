@@ -149,6 +149,14 @@ class Map {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Candidates of ring descriptors by compact codes. They include every correct best match of an
+/// exhaustive comparison and all of the four best, which make the score, in maps of up to a million
+/// entries (docs/SPEED.md).
+inline constexpr int64_t kRingCandidates = 1000;
+
+/// `warn`, or a function that prints to standard error if it is empty.
+MapStore::Warn or_standard_error(const MapStore::Warn& warn);
+
 MapFingerprint fingerprint_of(const FeatureExtractor& extractor, const MapOptions& options);
 /// MapOptions::local_map [m]
 double local_map_of(const MapFingerprint& fingerprint);
