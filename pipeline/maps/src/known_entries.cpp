@@ -126,7 +126,7 @@ std::string KnownEntries::misfit_of(const MapEntry& entry) const {
              " has ", found);
 }
 
-std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries, Claim* claim) {
+std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries) {
   std::vector<std::vector<float>> features;
   for (MapEntry& entry : entries) {
     // Whether an entry is read back or not, before or after the warm-up.
@@ -139,7 +139,7 @@ std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries, Claim* cla
       entries[i].feature = is_complete() ? std::vector<float>() : features[i];
       entries[i].descriptor = is_complete() ? descriptor_of(features[i]) : std::vector<float>();
     }
-    ids = store(entries, claim);
+    ids = store(entries);
     if (ids.size() == entries.size()) break;
     load_updates();
   }
@@ -156,8 +156,7 @@ std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries, Claim* cla
   return ids;
 }
 
-std::vector<int64_t> KnownEntries::store(std::span<const MapEntry> entries, Claim* claim) {
-  if (claim != nullptr) return claim->add(entries, read_to_.revision);
+std::vector<int64_t> KnownEntries::store(std::span<const MapEntry> entries) {
   if (!is_temporary_) return map_.add(entries, read_to_.revision);
   std::vector<MapEntry> without_values;
   for (const MapEntry& entry : entries)

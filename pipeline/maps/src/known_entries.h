@@ -37,7 +37,7 @@ class KnownEntries {
   /// The entries must have features; they follow those that other processes added before. Also
   /// completes the warm-up. The final projection depends on the warm-up alone, not on batches or
   /// kills.
-  std::vector<int64_t> add(std::vector<MapEntry> entries, Claim* claim);
+  std::vector<int64_t> add(std::vector<MapEntry> entries);
   /// Removes entries from the map, too. Returns the number removed now.
   int64_t remove(std::span<const int64_t> indices);
 
@@ -71,7 +71,7 @@ class KnownEntries {
   void collect(std::span<const float> feature);
   bool is_distinct(std::span<const float> feature);
   void estimate_projection();
-  std::vector<int64_t> store(std::span<const MapEntry> entries, Claim* claim);
+  std::vector<int64_t> store(std::span<const MapEntry> entries);
   void store_projection();
   void complete(Projection projection);
   void update();

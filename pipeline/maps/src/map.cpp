@@ -244,12 +244,12 @@ Description Map::describe(const PointsView& points) const {
   return impl_->described->describer.describe(points);
 }
 
-std::vector<int64_t> Map::add(std::vector<MapEntry> entries, Claim* claim) {
+std::vector<int64_t> Map::add(std::vector<MapEntry> entries) {
   const std::unique_lock lock(impl_->mutex);
   KnownEntries& known = impl_->known().entries;
   for (const MapEntry& entry : entries) known.check_feature(entry.feature);
   std::vector<int64_t> indices;
-  for (const int64_t id : known.add(std::move(entries), claim)) {
+  for (const int64_t id : known.add(std::move(entries))) {
     const auto index = known.find(id);
     if (!index) throw InputError("entry ", id, " was added to the map, but cannot be read from it");
     indices.push_back(*index);

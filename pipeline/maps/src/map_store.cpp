@@ -5,6 +5,7 @@
 
 #include "map_format.h"
 #include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit {
 namespace {
@@ -321,6 +322,9 @@ std::vector<int64_t> MapStore::add(std::span<const MapEntry> entries,
       throw InputError(driver_->name(), ": another map has replaced this one; open it again");
     const int64_t current = header.revision;
     if (revision && *revision != current) return ids;
+    if (claimed_on_ && *claimed_on_ != driver_->connections)
+      throw ClaimLost(driver_->name(),
+                      ": the connection was lost; claimed scans can be claimed again");
     insert_entries(*driver_, counts.entries + 1, rows, current);
     for (size_t i = 0; i < rows.size(); ++i) {
       ids.push_back(++counts.entries);
@@ -398,6 +402,28 @@ bool MapStore::reserve_drive(const std::string& drive, const std::string& conten
     if (!found) write_value(*driver_, name, content);
     return !found || *found == content;
   });
+}
+
+std::vector<int64_t> MapStore::claim(const std::string& drive, std::span<const int64_t> frames,
+                                     int64_t most) {
+  must_be_writer();
+  check_drive(drive);
+  if (most < 1) throw UsageError("a claim of ", most, " scans: expected at least 1");
+  std::vector<int64_t> claimed(frames.begin(), frames.end());
+  if (driver_->dialect.claim == nullptr) {
+    claimed.resize(std::min(claimed.size(), static_cast<size_t>(most)));
+    return claimed;
+  }
+  const std::string wanted = "{" + joined(frames, ",") + "}";
+  driver_->transaction(Locking::kReads, [&] {
+    claimed.clear();
+    driver_->execute(driver_->dialect.end_claims);
+    driver_->execute(driver_->dialect.claim, {wanted, drive, most},
+                     [&](const SqlRow& row) { claimed.push_back(row.integer(0)); });
+    claimed_on_ = driver_->connections;
+    driver_->updates = true;  // the latest notification may still be on its way
+  });
+  return claimed;
 }
 
 bool MapStore::has_updates() {

@@ -96,8 +96,4 @@ std::vector<std::string> check_map(const fs::path& file) {
   return problems;
 }
 
-std::unique_ptr<WorkQueue> open_work_queue(const fs::path& map) {
-  return is_server_address(map.string()) ? open_postgres_work(map.string()) : nullptr;
-}
-
 }  // namespace revisit

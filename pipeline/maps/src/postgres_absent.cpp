@@ -8,8 +8,4 @@ std::unique_ptr<SqlDriver> open_postgres_map(const std::string&, MapAccess, cons
   built_without("a map on a PostgreSQL server", "libpq");
 }
 
-std::unique_ptr<WorkQueue> open_postgres_work(const std::string&) {
-  built_without("a map on a PostgreSQL server", "libpq");
-}
-
 }  // namespace revisit

@@ -9,11 +9,10 @@
 
 namespace revisit {
 
-/// Like open_map(), which compares the fingerprint, and open_work_queue().
+/// Like open_map(), which compares the fingerprint.
 std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess access,
                                              const MapFingerprint* fingerprint,
                                              DescriptorType format);
-std::unique_ptr<WorkQueue> open_postgres_work(const std::string& where);
 
 namespace postgres {
 

@@ -52,6 +52,9 @@ struct SqlDialect {
   const char *id, *integer, *real, *blob;  // types of columns
   /// Locks the rows of a SELECT until the commit; "" where a writer locks the whole map.
   const char* for_update;
+  /// Statement that locks frames of a drive until the connection or `end_claims`. $1: frames as
+  /// {1,2}, $2: drive, $3: maximum number. Rows: the frames. Null: a writer locks the whole map.
+  const char *claim, *end_claims;
   const char* integrity_check;  // statement whose rows are problems, or "ok"; null: none
   const char* give_back_space;  // statement outside of transactions; null: done by the server
 };
@@ -104,7 +107,8 @@ class SqlDriver {
   }
 
   const SqlDialect& dialect;
-  bool updates = false;  // others may have changed the map since this was set to false
+  bool updates = false;     // others may have changed the map since this was set to false
+  int64_t connections = 0;  // number of connections so far; grows after a lost one
 
  private:
   std::string name_;

@@ -61,6 +61,8 @@ const SqlDialect kSqlite{.id = "INTEGER PRIMARY KEY",
                          .real = "REAL",
                          .blob = "BLOB",
                          .for_update = "",
+                         .claim = nullptr,
+                         .end_claims = nullptr,
                          // Beyond the tables: free pages and inner pages of the trees.
                          .integrity_check = "PRAGMA integrity_check(20)",
                          .give_back_space = "VACUUM"};

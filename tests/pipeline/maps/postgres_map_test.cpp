@@ -26,7 +26,6 @@ class PostgresMap : public ::testing::Test {
   std::unique_ptr<MapStore> writer() {
     return open_map(server_->url("town"), MapAccess::kWrite, &kOfServer);
   }
-  std::unique_ptr<WorkQueue> work() { return open_work_queue(server_->url("town")); }
   std::unique_ptr<MapStore> reader() { return open_map(server_->url("town"), MapAccess::kRead); }
   void restart() {
     server_->kill();
@@ -128,71 +127,31 @@ TEST_F(PostgresMap, KeepsEachChangeOnceAfterAKilledServer) {
   expect_error<Error>([&] { reader(); }, {"no connection", "server runs"});
 }
 
-std::vector<int64_t> frames_to(int64_t n) {
-  std::vector<int64_t> frames(static_cast<size_t>(n));
-  std::iota(frames.begin(), frames.end(), 0);
-  return frames;
-}
-
-std::vector<MapEntry> entries_of(const Claim& claim) {
-  std::vector<MapEntry> entries;
-  for (const int64_t frame : claim.frames)
-    if (!claim.skipped.contains(frame)) entries.push_back(made_entry(claim.drive, frame));
-  return entries;
-}
-
 TEST_F(PostgresMap, ClaimsEndWithTheirConnection) {
-  const auto map = writer();
-  const auto a = work(), b = work();
-  const MapEntry there = made_entry("x", 3);
-  read_all(*map);
-  map->add({&there, 1});
-  EXPECT_FALSE(map->has_updates());  // not for its own changes
-  const std::vector<int64_t> frames = frames_to(10);
-  a->enqueue("x", frames);
-  b->enqueue("x", frames);
-  EXPECT_EQ(b->pending("x"), 9);
-  EXPECT_EQ(b->pending("y"), 0);
-  EXPECT_EQ(a->claim("y", 1), nullptr);
-  expect_error<UsageError>([&] { a->claim("x", 0); }, {"at least 1"});
+  using Frames = std::vector<int64_t>;
+  const auto a = writer(), b = writer();
+  const Frames frames = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+  expect_error<UsageError>([&] { a->claim("x", frames, 0); }, {"at least 1"});
   const std::string cut("x\0y", 3);  // a server would truncate it to x
-  expect_error<UsageError>([&] { a->enqueue(cut, frames); }, {"zero byte"});
-  expect_error<UsageError>([&] { a->claim(cut, 1); }, {"zero byte"});
-  auto of_a = a->claim("x", 3), of_b = b->claim("x", 3);
-  EXPECT_EQ(of_a->frames, (std::vector<int64_t>{0, 1, 2}));
-  EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6}));
-  expect_error<UsageError>([&] { a->claim("x", 1); }, {"has not ended"});
-  expect_error<UsageError>([&] { of_a->add({&there, 1}, 0); }, {"frame 3", "claim"});
-  // Another revision leaves the claim valid.
-  of_a->skipped[1] = "no points";
-  EXPECT_TRUE(of_a->add(entries_of(*of_a), 7).empty());
-  server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // it holds no lock
-  EXPECT_EQ(of_a->add(entries_of(*of_a), 0), (std::vector<int64_t>{2, 3}));
-  expect_error<UsageError>([&] { of_a->add({}, 0); }, {"has ended"});
-  EXPECT_EQ(a->pending("x"), 6);
-  of_a.reset();
-  {
-    const auto given_back = a->claim("x", 100);
-    EXPECT_EQ(given_back->frames, (std::vector<int64_t>{7, 8, 9}));
-    EXPECT_EQ(work()->claim("x", 1), nullptr);
-  }
+  expect_error<UsageError>([&] { a->claim(cut, frames, 1); }, {"zero byte"});
+  EXPECT_EQ(a->claim("x", frames, 3), (Frames{0, 1, 2}));
+  EXPECT_EQ(b->claim("x", frames, 3), (Frames{3, 4, 5}));
+  EXPECT_EQ(reader()->size(), 0);
+  read_all(*a);
+  const MapEntry first = made_entry("x", 0);
+  EXPECT_EQ(a->add({&first, 1}, 0), Frames{1});
+  EXPECT_FALSE(a->has_updates());  // not for its own changes
+  EXPECT_EQ(b->claim("y", frames, 2), (Frames{0, 1}));  // ends the other claim
+  EXPECT_TRUE(b->has_updates());
+  EXPECT_EQ(writer()->claim("x", frames, 9), (Frames{3, 4, 5, 6, 7, 8, 9}));
   server_->execute(
-      "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE state = 'idle in transaction'");
-  expect_error<ClaimLost>([&] { of_b->add(entries_of(*of_b), 0); }, {"claimed again"});
-  of_b = b->claim("x", 100);
-  EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6, 7, 8, 9}));
-  of_b->add(entries_of(*of_b), 0);
-  of_b.reset();
-  b->enqueue("x", frames);
-  EXPECT_EQ(b->pending("x"), 0);
-  EXPECT_EQ(frames_of(*map)["x"], (std::set<int64_t>{0, 2, 3, 4, 5, 6, 7, 8, 9}));
-  // Scans of removed entries can be enqueued again.
-  const auto watcher = reader();
-  read_all(*watcher);
-  EXPECT_EQ(map->remove(std::vector<int64_t>{2}), 1);
-  EXPECT_TRUE(gets_updates(*watcher));
-  b->enqueue("x", frames);
-  EXPECT_EQ(b->claim("x", 10)->frames, std::vector<int64_t>{0});
+      "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() AND "
+      "backend_type = 'client backend'");
+  expect_error<ClaimLost>([&] { a->add({&first, 1}, 0); }, {"claimed again"});
+  EXPECT_EQ(b->claim("x", frames, 3), (Frames{0, 1, 2}));
+  const std::vector<MapEntry> entries = {made_entry("x", 1), made_entry("x", 2)};
+  EXPECT_EQ(b->add(entries, 0), (Frames{2, 3}));
+  EXPECT_EQ(frames_of(*a)["x"], (std::set<int64_t>{0, 1, 2}));
 }
 
 TEST(ServerAddress, PatienceLimitsConnecting) {

@@ -22,7 +22,6 @@ namespace {
 constexpr int64_t kScansAtOnce = 8;
 /// Interval of looking for scans that other processes claimed but did not add.
 constexpr std::chrono::milliseconds kOthersAtWork{250};
-constexpr std::chrono::seconds kBetweenCounts{1};
 
 struct BuildOptions {
   FeatureOptions feature;
@@ -71,52 +70,30 @@ class MapBuilder {
         mount_(map.options().mount),
         drive_(std::move(drive)),
         progress_("describing", "scans", !options.feature.quiet) {
-    for (const ScanRef& scan : scans) scans_[scan.frame] = &scan;
-    for (const auto& [frame, scan] : scans_) frames_.push_back(frame);
+    for (const ScanRef& scan : scans) missing_[scan.frame] = &scan;
     map_.add({});  // ends a warm-up of a killed process
   }
 
   int64_t added() const { return added_; }
   int64_t skipped() const { return skipped_; }
 
-  void add_missing() {
-    const DriveEntries there = map_.entries_of(drive_);
-    std::erase_if(frames_, [&](int64_t frame) { return there.contains(frame); });
-    const auto all = std::ssize(frames_);
-    for (int64_t done = 0; done < all; done += at_once()) {
-      progress_.update(done, all);
-      stop_if_interrupted();
-      describe_and_add(std::span(frames_).subspan(
-          static_cast<size_t>(done), static_cast<size_t>(std::min(at_once(), all - done))));
-    }
-    progress_.update(all, all);
-  }
-
   /// Returns when no scan is missing, also of the other processes that share the work.
-  void share(WorkQueue& work) {
-    work.enqueue(drive_, frames_);
-    const int64_t missing = work.pending(drive_);
-    using Clock = std::chrono::steady_clock;
-    Clock::time_point next_count;  // counting is slow while much is pending
-    while (true) {
-      if (Clock::now() >= next_count) {
-        const int64_t left = work.pending(drive_);
-        progress_.update(missing - left, missing);
-        if (left == 0) return;
-        next_count = Clock::now() + kBetweenCounts;
-      }
+  void add_missing() {
+    drop_stored();
+    const auto all = std::ssize(missing_);
+    while (!missing_.empty()) {
+      progress_.update(all - std::ssize(missing_), all);
       stop_if_interrupted();
+      const std::vector<int64_t> claimed = claim();
       try {
-        if (const auto claim = work.claim(drive_, at_once())) {
-          describe_and_add(claim->frames, claim.get());
-          continue;
-        }
-        // All scans are done or claimed by others.
-        if (work.pending(drive_) > 0) std::this_thread::sleep_for(kOthersAtWork);
-        next_count = {};
+        if (!claimed.empty())
+          describe_and_add(claimed);
+        else if (!missing_.empty())  // others have claimed them
+          std::this_thread::sleep_for(kOthersAtWork);
       } catch (const ClaimLost&) {  // other processes have it, or this one again
       }
     }
+    progress_.update(all, all);
   }
 
  private:
@@ -128,14 +105,18 @@ class MapBuilder {
           "interrupted; the map keeps what was added; run the same command again to resume");
   }
 
-  const ScanRef& scan_of(int64_t frame) const {
-    const auto found = scans_.find(frame);
-    if (found == scans_.end())
-      throw InputError(
-          "frame ", frame, " of drive '", drive_,
-          "', which the map expects, is not among these scans; give the data of the other "
-          "processes, or another --drive");
-    return *found->second;
+  void drop_stored() {
+    map_.refresh();
+    for (const auto& [frame, index] : map_.entries_of(drive_)) missing_.erase(frame);
+  }
+
+  std::vector<int64_t> claim() {
+    std::vector<int64_t> frames, claimed;
+    for (const auto& [frame, scan] : missing_) frames.push_back(frame);
+    map_.use_store([&](MapStore& map) { claimed = map.claim(drive_, frames, at_once()); });
+    drop_stored();
+    std::erase_if(claimed, [&](int64_t frame) { return !missing_.contains(frame); });
+    return claimed;
   }
 
   DescribedScan describe(const ScanRef& scan) const {
@@ -147,28 +128,27 @@ class MapBuilder {
     return described;
   }
 
-  /// `frames`: those of `claim` unless it is null.
-  void describe_and_add(std::span<const int64_t> frames, Claim* claim = nullptr) {
+  void describe_and_add(std::span<const int64_t> frames) {
     std::vector<const ScanRef*> scans;
-    for (const int64_t frame : frames) scans.push_back(&scan_of(frame));
+    for (const int64_t frame : frames) scans.push_back(missing_.at(frame));
     std::vector<DescribedScan> described(scans.size());
     parallel_for(std::ssize(scans), threads_, [&](int64_t i) {
       described[static_cast<size_t>(i)] = describe(*scans[static_cast<size_t>(i)]);
     });
     std::vector<MapEntry> entries;
-    std::map<int64_t, std::string> skipped;
+    std::vector<std::string> skipped;
     for (DescribedScan& scan : described) {
       if (!scan.description.described()) {
-        skipped[scan.entry.frame] = scan.description.error;
+        skipped.push_back(scan.description.error);
         continue;
       }
       scan.entry.feature = std::move(scan.description.feature);
       entries.push_back(std::move(scan.entry));
     }
-    if (claim != nullptr) claim->skipped = skipped;
-    added_ += std::ssize(map_.add(std::move(entries), claim));
+    added_ += std::ssize(map_.add(std::move(entries)));
     skipped_ += std::ssize(skipped);
-    for (const auto& [frame, why] : skipped) warn_skipped(why);
+    for (const std::string& why : skipped) warn_skipped(why);
+    for (const int64_t frame : frames) missing_.erase(frame);
   }
 
   const int threads_;
@@ -177,9 +157,8 @@ class MapBuilder {
   const Eigen::Isometry3d mount_;
   const std::string drive_;
   Progress progress_;
-  std::map<int64_t, const ScanRef*> scans_;  // by frame
-  std::vector<int64_t> frames_;
-  int64_t added_ = 0, skipped_ = 0;  // by this process
+  std::map<int64_t, const ScanRef*> missing_;  // by frame
+  int64_t added_ = 0, skipped_ = 0;            // by this process
 };
 
 int build_all(BuildOptions& o) {
@@ -188,16 +167,12 @@ int build_all(BuildOptions& o) {
   source.options.warmup = o.map.warmup;
   const NewMap new_map(o.map.file);
   Map map(source.extractor, source.options, o.map.open(source), warn);
-  const auto shared = open_work_queue(o.map.file);
   const std::vector<ScanRef> scans = with_sensor_poses(dataset);
   const std::string name = o.map.drive_of(dataset), drive = drive_of_recording(scans, map, name);
   if (drive != name && !o.feature.quiet)
     note(str("the map has another recording '", name, "'; this one is stored as '", drive, "'"));
   MapBuilder builder(o, scans, map, drive);
-  if (shared)
-    builder.share(*shared);
-  else
-    builder.add_missing();
+  builder.add_missing();
   if (!o.feature.quiet)
     std::cout << display_name(o.map.file) << ": " << map.size() << " entries, " << builder.added()
               << " added by this process"

@@ -1,10 +1,13 @@
-#include "driver.h"
+#include <postgresql/libpq-fe.h>
 
 #include <bit>
+#include <chrono>
 #include <random>
+#include <stdexcept>
 #include <thread>
 
 #include "map_format.h"
+#include "postgres_map.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
@@ -18,16 +21,17 @@ const SqlDialect kPostgres{.id = "BIGINT PRIMARY KEY",
                            .real = "FLOAT8",
                            .blob = "BYTEA",
                            .for_update = " FOR UPDATE",
+                           .claim =
+                               "SELECT frame FROM unnest($1::bigint[]) AS frame WHERE "
+                               "pg_try_advisory_lock(hashtextextended(current_schema() || "
+                               "'/' || $2, frame)) LIMIT $3",
+                           .end_claims = "SELECT pg_advisory_unlock_all()",
                            .integrity_check = nullptr,
                            .give_back_space = nullptr};
 
-/// Table `expected`: frames of WorkQueue::enqueue(), pending without entry and error. Table
-/// `writer`: number of transactions that a process has committed.
+/// Table `writer`: number of transactions that a process has committed.
 constexpr const char* kTablesOfServer[] = {
     "ALTER TABLE map ADD version INTEGER NOT NULL DEFAULT 1",
-    "CREATE TABLE expected (drive TEXT NOT NULL, frame BIGINT NOT NULL, entry BIGINT REFERENCES "
-    "entry (id) ON DELETE CASCADE, error TEXT, PRIMARY KEY (drive, frame))",
-    "CREATE INDEX ON expected (entry)",
     "CREATE TABLE writer (id BIGINT PRIMARY KEY, transactions BIGINT NOT NULL)"};
 static_assert(kMapVersion == 1);
 
@@ -59,18 +63,54 @@ std::string remedy_of(const std::string& message) {
   return "check that a PostgreSQL server runs there and accepts connections from this machine";
 }
 
-}  // namespace
+struct ServerError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+  bool is_lost = true;  // the connection
+  std::string state;    // postgresql.org/docs/current/errcodes-appendix.html; "": of the connection
+};
 
-namespace postgres {
+/// A connection to a server that is reopened when it is lost. Messages begin with the address
+/// without its password and never contain the password.
+class PostgresDriver : public SqlDriver {
+ public:
+  /// Connects now, without retrying.
+  explicit PostgresDriver(postgres::Address address);
 
-PostgresDriver::PostgresDriver(Address address, bool listens)
+  /// Outside of transaction(), throws ServerError.
+  void execute(const std::string& sql, const std::vector<SqlValue>& values = {},
+               const Take& take = {}) override;
+  void transaction(Locking locking, const std::function<void()>& work) override;
+  void notify() override { execute("NOTIFY " + channel_); }
+  bool has_updates() override;
+
+  const std::string& map() const { return address_.map; }
+
+ private:
+  using Result = std::unique_ptr<PGresult, decltype(&PQclear)>;
+
+  void connect();
+  Result checked(PGresult* result) const;
+  void run_transaction(Locking locking, const std::function<void()>& work, bool again);
+  bool was_committed();
+  /// Calls `work`, again if the connection is lost. Throws Error if the server stays unavailable or
+  /// rejects the work, and UsageError for values it cannot store.
+  void retry(const std::function<void()>& work);
+  /// Throws the corresponding error, or returns if the connection is lost.
+  void throw_unless_lost(const ServerError& error);
+  std::string without_password(std::string message) const;
+
+  postgres::Address address_;
+  std::string channel_;
+  int64_t id_, transactions_ = 0;  // row of table `writer`
+  std::unique_ptr<PGconn, decltype(&PQfinish)> connection_{nullptr, &PQfinish};
+};
+
+PostgresDriver::PostgresDriver(postgres::Address address)
     : SqlDriver(address.name, kPostgres),
       address_(std::move(address)),
-      listens_(listens),
       channel_("revisit_" + address_.map) {
   std::random_device random;
   id_ = static_cast<int64_t>((uint64_t{random()} << 32) | random());
-  if (!listens_) return;
   try {
     connect();
   } catch (const ServerError& error) {
@@ -91,9 +131,10 @@ void PostgresDriver::connect() {
                          "\"; SET client_encoding = UTF8; "
                          "SET synchronous_commit = on; SET tcp_keepalives_idle = 10; "
                          "SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = 4; "
-                         "SET idle_in_transaction_session_timeout = 0; ",
-                         listens_ ? "LISTEN " + channel_ : "")
+                         "LISTEN ",
+                         channel_)
                          .c_str()));
+  ++connections;
   updates = true;  // changes before the connection are unknown
 }
 
@@ -138,7 +179,6 @@ void PostgresDriver::execute(const std::string& sql, const std::vector<SqlValue>
 }
 
 void PostgresDriver::transaction(Locking locking, const std::function<void()>& work) {
-  if (hold) return work();
   if (locking == Locking::kWrites) ++transactions_;
   bool again = false;
   retry([&] { run_transaction(locking, work, std::exchange(again, true)); });
@@ -157,9 +197,13 @@ void PostgresDriver::run_transaction(Locking locking, const std::function<void()
             "excluded.transactions",
             {id_, transactions_});
     }
-    if (!hold) execute("COMMIT");
+    execute("COMMIT");
   } catch (...) {
-    roll_back();
+    if (connection_ != nullptr) try {
+        execute("ROLLBACK");
+      } catch (const ServerError&) {
+        connection_.reset();
+      }
     throw;
   }
 }
@@ -173,15 +217,6 @@ bool PostgresDriver::was_committed() {
              "INSERT INTO writer VALUES ($1, 0) ON CONFLICT (id) DO UPDATE SET transactions = "
              "writer.transactions RETURNING transactions",
              {id_}) == transactions_;
-}
-
-void PostgresDriver::roll_back() {
-  hold = false;
-  if (connection_ != nullptr) try {
-      execute("ROLLBACK");
-    } catch (const ServerError&) {
-      connection_.reset();
-    }
 }
 
 bool PostgresDriver::has_updates() {
@@ -242,12 +277,12 @@ std::string PostgresDriver::without_password(std::string message) const {
   return message;
 }
 
-}  // namespace postgres
+}  // namespace
 
 std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess access,
                                              const MapFingerprint* fingerprint,
                                              DescriptorType format) {
-  auto driver = std::make_unique<postgres::PostgresDriver>(postgres::parse_address(where));
+  auto driver = std::make_unique<PostgresDriver>(postgres::parse_address(where));
   const std::string schema = str("\"", driver->map(), "\"");
   const auto finds = [&](const char* sql) {
     return driver->integer(sql, {driver->map()}).has_value();

@@ -101,11 +101,11 @@ class Map {
 
   Description describe(const PointsView& points) const;
   /// Adds entries, or none, in one transaction and returns their indices, which follow those of
-  /// entries that other processes added before. Each needs MapEntry::feature, of describe().
-  /// `claim` must contain their frames and ends with the call. Also completes a warm-up that a
-  /// killed process left unfinished. Throws UsageError for a feature of other dimensions, and what
-  /// MapStore::add() throws; the entries are then not added to this object either.
-  std::vector<int64_t> add(std::vector<MapEntry> entries, Claim* claim = nullptr);
+  /// entries that other processes added before. Each needs MapEntry::feature, of describe(). Also
+  /// completes a warm-up that a killed process left unfinished. Throws UsageError for a feature of
+  /// other dimensions, and what MapStore::add() throws; the entries are then not added to this
+  /// object either.
+  std::vector<int64_t> add(std::vector<MapEntry> entries);
   /// Removes entries, also from the file (MapStore::remove()), and returns the number removed now.
   /// Other indices do not change.
   int64_t remove(std::span<const int64_t> indices);

@@ -46,21 +46,8 @@ struct MapState {
   int64_t removed = 0;   // number of removed entries; if it grows, removed() lists them
 };
 
-/// Scans of a drive that only this process describes into a map on a server. The claim ends when
-/// add() adds them, when it is destroyed (before its WorkQueue), and with its process or
-/// connection. Other processes can then claim the scans that were not added.
-struct Claim {
-  std::string drive;
-  std::vector<int64_t> frames;  // ascending
-  /// Skipped scans, frame -> reason; they get no entry and are not tried again.
-  std::map<int64_t, std::string> skipped;
-  virtual ~Claim() = default;
-  /// Like MapStore::add(), for entries of this claim. Also throws ClaimLost.
-  virtual std::vector<int64_t> add(std::span<const MapEntry> entries, int64_t revision) = 0;
-};
-
-/// The connection was lost before the outcome of Claim::add() was known. Either the entries were
-/// added, or other processes can claim their scans.
+/// The connection was lost, and with it the claim of MapStore::claim(): other processes may
+/// describe its scans. Nothing was added.
 class ClaimLost : public Error {
   using Error::Error;
 };
@@ -96,7 +83,7 @@ class MapStore {
 
   /// Ignores `id` and returns the assigned ids. All values must be finite. `revision` is the one
   /// that the entries were described for. If the map has another one, nothing is added and the
-  /// result is empty.
+  /// result is empty. Throws ClaimLost after claim().
   std::vector<int64_t> add(std::span<const MapEntry> entries,
                            std::optional<int64_t> revision = std::nullopt);
 
@@ -119,6 +106,12 @@ class MapStore {
   /// recording has it. A file has a single writer and reserves nothing.
   bool reserve_drive(const std::string& drive, const std::string& content);
 
+  /// Claims up to `most` (at least 1) of these scans. Until the next call, or until the connection
+  /// to a server ends, no other process can claim them. Others may have added them before:
+  /// has_updates() is then true. A file has a single writer, which gets the first ones.
+  std::vector<int64_t> claim(const std::string& drive, std::span<const int64_t> frames,
+                             int64_t most);
+
   /// True if other processes may have changed the map since the last read().
   bool has_updates();
 
@@ -139,19 +132,7 @@ class MapStore {
   MapAccess access_;
   MapFingerprint fingerprint_;
   DescriptorType descriptor_type_ = DescriptorType::kFloat32;
-};
-
-/// Work queue of a map on a server: scans of drives, each of which one process describes. Not
-/// thread-safe. Throws what MapStore throws, and UsageError while a claim of this object is alive.
-class WorkQueue {
- public:
-  virtual ~WorkQueue() = default;
-  /// Frames that have an entry, were skipped or are pending are not changed.
-  virtual void enqueue(const std::string& drive, std::span<const int64_t> frames) = 0;
-  /// Claims up to `most` (at least 1) pending frames; null if no unclaimed frame is pending.
-  virtual std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) = 0;
-  /// Counts claimed frames, too.
-  virtual int64_t pending(const std::string& drive) = 0;
+  std::optional<int64_t> claimed_on_;  // SqlDriver::connections
 };
 
 /// Values of a map. kVerifiedCalibrationValue is for registered loops (calibration_content()). A
@@ -180,9 +161,6 @@ std::string display_name(const std::filesystem::path& map);
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapFingerprint* fingerprint = nullptr,
                                    DescriptorType format = DescriptorType::kFloat32);
-
-/// Null for a file, which has a single writer. Throws as open_map().
-std::unique_ptr<WorkQueue> open_work_queue(const std::filesystem::path& map);
 
 /// Reads the descriptor projection of a map. Throws InputError if its warm-up is not complete or
 /// its fingerprint differs.
