@@ -6,7 +6,8 @@
 // others are randomly rotated copies, each with its own amount of noise. Queries are revisits:
 // entries within 5 m of another of their drive, more than 50 frames away. Matches within 50 frames
 // are excluded. CPU time, the minimum of three rounds.
-//   revisit_large_maps server MAP PLACES SHARDS
+//   revisit_large_maps server MAP PLACES ADDRESS...
+// Maps on a server, shards with PLACES each. They are kept; later runs add only what is missing.
 #include <cblas.h>
 
 #include <cstdio>
@@ -165,12 +166,13 @@ int main(int count, char** arguments) try {
         "of them found | of the best four |\n|---|---|---|---|---|---|---|");
     const RingMap map(arguments[2]);
     for (int i = 3; i < count; ++i) measure_rings(map, std::atoll(arguments[i]));
-  } else if (what == "server" && count == 5) {
-    measure_server(RingMap(arguments[2]), std::atoll(arguments[3]), std::atoll(arguments[4]));
+  } else if (what == "server" && count > 4) {
+    measure_server(RingMap(arguments[2]), std::atoll(arguments[3]),
+                   {arguments + 4, arguments + count});
   } else {
     std::cerr << "usage: revisit_large_maps cosines PLACES DIMENSIONS [graph]\n"
                  "       revisit_large_maps rings MAP PLACES...\n"
-                 "       revisit_large_maps server MAP PLACES SHARDS\n";
+                 "       revisit_large_maps server MAP PLACES ADDRESS...\n";
     return 2;
   }
 } catch (const std::exception& error) {

@@ -114,8 +114,8 @@ class Places {
   int64_t made_ = 0;
 };
 
-/// Fills a PostgreSQL server of its own with `n` entries in `shards` maps, opens them in two
-/// processes, and prints the figures of docs/SERVER.md.
-void measure_server(const RingMap& map, int64_t n, int64_t shards);
+/// Fills each of the maps with `count` entries, opens them in two processes, and prints the figures
+/// of docs/SERVER.md.
+void measure_server(const RingMap& map, int64_t count, const std::vector<std::string>& urls);
 
 }  // namespace revisit

@@ -6,7 +6,6 @@
 #include <future>
 #include <thread>
 
-#include "postgres_server.h"
 #include "revisit/base/text.h"
 #include "revisit/maps/map.h"
 #include "revisit/recognition/ring/descriptor.h"
@@ -66,23 +65,29 @@ class Shards {
   std::vector<std::unique_ptr<Map>> shards_;
 };
 
-void fill(const RingMap& map, const FeatureExtractor& extractor, int64_t n,
+/// Resumes: an earlier run has added batches, and entries after the last one.
+void fill(const RingMap& map, const FeatureExtractor& extractor, int64_t count,
           const std::vector<std::string>& urls) {
   constexpr int64_t kBatch = 1000;
   Places places(map);
   const MapFingerprint fingerprint = fingerprint_of(extractor, {});
   for (size_t shard = 0; shard < urls.size(); ++shard) {
     const auto store =
-        open_map(urls[shard], MapAccess::kNew, &fingerprint, DescriptorType::kFloat16);
-    const int64_t count = n / int64_t(urls.size());
+        open_map(urls[shard], MapAccess::kWrite, &fingerprint, DescriptorType::kFloat16);
+    const int64_t had = store->size();
+    const double start = wall_seconds();
     for (int64_t first = 0; first < count; first += kBatch) {
       std::vector<MapEntry> batch(size_t(std::min(kBatch, count - first)));
       for (size_t i = 0; i < batch.size(); ++i)
         batch[i] = {.drive = str("drive ", shard),
                     .frame = first + int64_t(i),
                     .descriptor = places.next()};
-      store->add(batch);
+      if (first >= had) store->add(batch);
     }
+    const int64_t added = store->size() - had;
+    std::printf("shard %zu: %ld entries added, %.0f entries/s\n", shard, added,
+                double(added) / (wall_seconds() - start));
+    std::fflush(stdout);
   }
 }
 
@@ -138,18 +143,8 @@ void measure_process(bool is_first, int socket, const RingMap& map,
 
 }  // namespace
 
-void measure_server(const RingMap& map, int64_t n, int64_t shards) {
-  const test::PostgresServer server;
-  std::vector<std::string> urls;
-  for (int64_t i = 0; i < shards; ++i) urls.push_back(server.url(str("shard_", i)));
-  const double start = wall_seconds();
-  fill(map, descriptors_as_features(map), n, urls);
-  const double filled = wall_seconds() - start;
-  std::printf(
-      "%ld entries in %ld shards: filled in %.0f s, %.0f entries/s, %.2f GB on the server\n", n,
-      shards, filled, double(n) / filled,
-      std::stod(server.execute("SELECT pg_database_size('postgres')")) / 1e9);
-  std::fflush(stdout);
+void measure_server(const RingMap& map, int64_t count, const std::vector<std::string>& urls) {
+  fill(map, descriptors_as_features(map), count, urls);
   int ends[2];
   if (::socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0) throw Error("no sockets");
   for (const bool is_first : {true, false})

@@ -63,8 +63,8 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, DescriptorTyp
 
 using BFloat16 = Eigen::bfloat16;
 
-/// Number of values, uint32, then the deflated bytes: first all high, then all low ones. Many
-/// values of ring descriptors are 0, and their high bytes repeat.
+/// Number of values, uint32, then the deflated bytes: first all exponents, then mantissas and
+/// signs. Many values of ring descriptors are 0, and their exponents repeat.
 std::string feature_bytes(const std::vector<float>& feature, const std::string& of) {
   const size_t n = feature.size();
   if (n == 0) return "";
@@ -75,7 +75,7 @@ std::string feature_bytes(const std::vector<float>& feature, const std::string& 
     const BFloat16 number(feature[i]);
     if (!(Eigen::numext::isfinite)(number))
       throw UsageError(of, " has numbers that are not finite: ", feature[i]);
-    const auto bits = Eigen::numext::bit_cast<uint16_t>(number);
+    const uint16_t bits = std::rotl(Eigen::numext::bit_cast<uint16_t>(number), 1);
     bytes[i] = static_cast<uint8_t>(bits >> 8);
     bytes[n + i] = static_cast<uint8_t>(bits & 0xFF);
   }
@@ -111,8 +111,10 @@ std::optional<std::vector<float>> feature_from(std::string_view bytes,
       size != halves.size())
     return std::nullopt;
   feature.resize(n);
-  for (size_t i = 0; i < n; ++i)
-    feature[i] = std::bit_cast<float>(uint32_t{halves[i]} << 24 | uint32_t{halves[n + i]} << 16);
+  for (size_t i = 0; i < n; ++i) {
+    const auto bits = static_cast<uint16_t>(halves[i] << 8 | halves[n + i]);
+    feature[i] = std::bit_cast<float>(uint32_t{std::rotr(bits, 1)} << 16);
+  }
   return feature;
 }
 
