@@ -175,9 +175,13 @@ std::unique_ptr<SqlDriver> MapFile::open_for_writing(std::shared_ptr<const int> 
 }
 
 std::unique_ptr<MapStore> temporary_map(const MapFingerprint& fingerprint) {
-  auto driver = std::make_unique<SqliteDriver>("", SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE,
-                                               "the temporary map in TMPDIR, /var/tmp or /tmp");
+  auto driver = std::make_unique<SqliteDriver>(
+      "", SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE,
+      "the temporary map in TMPDIR, /var/tmp or /tmp, one of which must be writable");
+  // SQLite makes the file when its cache is full: now, rather than after hours.
+  driver->execute("PRAGMA cache_size = 1");
   create_tables(*driver, {.fingerprint = fingerprint});
+  driver->execute("PRAGMA cache_size = -2000");  // SQLite's default [kB]
   return std::make_unique<MapStore>(std::move(driver), MapAccess::kWrite);
 }
 

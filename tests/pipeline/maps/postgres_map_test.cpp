@@ -86,6 +86,18 @@ TEST_F(PostgresMap, NamesRemediesAndNeverThePassword) {
   ::close(silent);
 }
 
+TEST_F(PostgresMap, EndsAStatementThatIsNeverAnswered) {
+  const auto holder = writer();
+  holder->add(made_entries(1, 1));
+  const auto impatient = open_map(server_->url("town") + "&patience=0", MapAccess::kWrite);
+  const auto describe = [&](const MapEntry& entry) {
+    expect_error<Error>([&] { impatient->add(made_entries(2, 2)); }, {"does not answer"});
+    return entry.descriptor;
+  };
+  EXPECT_TRUE(holder->replace_descriptors(describe, {}, 0));
+  EXPECT_EQ(impatient->add(made_entries(2, 2)), std::vector<int64_t>{2});
+}
+
 /// A reader that refreshes on notifications misses no entry.
 TEST_F(PostgresMap, KeepsEachChangeOnceAfterAKilledServer) {
   constexpr int64_t kFrames = 120;
@@ -140,7 +152,7 @@ TEST_F(PostgresMap, ClaimsEndWithTheirConnection) {
   read_all(*a);
   const MapEntry first = made_entry("x", 0);
   EXPECT_EQ(a->add({&first, 1}, 0), Frames{1});
-  EXPECT_FALSE(a->has_updates());  // not for its own changes
+  EXPECT_FALSE(a->has_updates());                       // not for its own changes
   EXPECT_EQ(b->claim("y", frames, 2), (Frames{0, 1}));  // ends the other claim
   EXPECT_TRUE(b->has_updates());
   EXPECT_EQ(writer()->claim("x", frames, 9), (Frames{3, 4, 5, 6, 7, 8, 9}));

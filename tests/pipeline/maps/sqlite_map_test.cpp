@@ -319,6 +319,9 @@ TEST(SqliteMap, StaysValidOnAFullDisk) {
     expect_error<Error>(fill, {"map: cannot be"});
     EXPECT_GE(map->size(), 11);
     expect_entries(*map, map->size());
+    const rlimit none{0, RLIM_INFINITY};
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &none), 0);
+    expect_error<Error>([] { temporary_map({}); }, {"map in TMPDIR", "cannot be read or written"});
   });
   EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
   const auto map = writer_of(dir / "map");

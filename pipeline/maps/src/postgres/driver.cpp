@@ -1,5 +1,7 @@
+#include <poll.h>
 #include <postgresql/libpq-fe.h>
 
+#include <algorithm>
 #include <bit>
 #include <chrono>
 #include <random>
@@ -90,6 +92,7 @@ class PostgresDriver : public SqlDriver {
 
   void connect();
   Result checked(PGresult* result) const;
+  Result answer() const;
   void run_transaction(Locking locking, const std::function<void()>& work, bool again);
   bool was_committed();
   /// Calls `work`, again if the connection is lost. Throws Error if the server stays unavailable or
@@ -127,13 +130,14 @@ void PostgresDriver::connect() {
       to, [](void*, const char*) {}, nullptr);
   // Acknowledged commits are durable, whatever the server's default is. The server detects a client
   // without network within half a minute and releases its claims. Claims have no time limit.
-  checked(PQexec(to, str("SET search_path = \"", address_.map,
-                         "\"; SET client_encoding = UTF8; "
-                         "SET synchronous_commit = on; SET tcp_keepalives_idle = 10; "
-                         "SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = 4; "
-                         "LISTEN ",
-                         channel_)
-                         .c_str()));
+  PQsendQuery(to, str("SET search_path = \"", address_.map,
+                      "\"; SET client_encoding = UTF8; "
+                      "SET synchronous_commit = on; SET tcp_keepalives_idle = 10; "
+                      "SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = 4; "
+                      "LISTEN ",
+                      channel_)
+                      .c_str());
+  answer();
   ++connections;
   updates = true;  // changes before the connection are unknown
 }
@@ -151,6 +155,25 @@ PostgresDriver::Result PostgresDriver::checked(PGresult* result) const {
   throw error;
 }
 
+/// Of the statement sent before, which may wait for other processes, but not forever.
+PostgresDriver::Result PostgresDriver::answer() const {
+  PGconn* const from = connection_.get();
+  constexpr int kSlice = 20;  // [ms]; poll() does not see bytes that TLS has read
+  const int64_t limit = std::max<int64_t>(2000, 30 * address_.patience.count());  // [ms]
+  Result last(nullptr, &PQclear);
+  while (true) {
+    pollfd socket{PQsocket(from), POLLIN, 0};
+    for (int64_t silent = 0; PQisBusy(from) != 0;) {
+      silent = ::poll(&socket, 1, kSlice) == 0 ? silent + kSlice : 0;
+      if (silent > limit) throw ServerError("the server does not answer");
+      if (PQconsumeInput(from) == 0) checked(nullptr);
+    }
+    PGresult* const next = PQgetResult(from);
+    if (next == nullptr) return checked(last.release());
+    last.reset(next);
+  }
+}
+
 void PostgresDriver::execute(const std::string& sql, const std::vector<SqlValue>& values,
                              const Take& take) {
   std::vector<std::string> texts(values.size());
@@ -166,9 +189,9 @@ void PostgresDriver::execute(const std::string& sql, const std::vector<SqlValue>
     sizes.push_back(static_cast<int>(texts[i].size()));
     are_binary.push_back(std::holds_alternative<Blob>(values[i]) ? 1 : 0);
   }
-  const Result rows =
-      checked(PQexecParams(connection_.get(), sql.c_str(), static_cast<int>(values.size()), nullptr,
-                           parameters.data(), sizes.data(), are_binary.data(), 1));
+  PQsendQueryParams(connection_.get(), sql.c_str(), static_cast<int>(values.size()), nullptr,
+                    parameters.data(), sizes.data(), are_binary.data(), 1);
+  const Result rows = answer();
   if (!take) return;
   for (int row = 0; row < PQntuples(rows.get()); ++row) {
     SqlRow converted{name(), {}};
