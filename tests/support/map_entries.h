@@ -2,15 +2,37 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
+#include <memory>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "revisit/maps/map_store.h"
 
 namespace revisit::test {
+
+inline const MapFingerprint kFingerprint{
+    {"feature", "numbers"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};
+
+/// Creates it if missing. `map`: a file, or the address of a map on a server.
+inline std::unique_ptr<MapStore> writer_of(const std::filesystem::path& map,
+                                           DescriptorType format = DescriptorType::kFloat32) {
+  return open_map(map, MapAccess::kWrite, &kFingerprint, format);
+}
+
+inline std::unique_ptr<MapStore> reader_of(const std::filesystem::path& map) {
+  return open_map(map, MapAccess::kRead);
+}
+
+/// Appends messages.
+inline MapStore::Warn into(std::vector<std::string>& messages) {
+  return [&messages](const std::string& message) { messages.push_back(message); };
+}
 
 struct ReadMap {
   std::vector<MapEntry> entries;
@@ -24,6 +46,14 @@ inline ReadMap read_all(const MapStore& map, int64_t after = 0) {
       after, [&](MapEntry&& entry) { read.entries.push_back(std::move(entry)); },
       [&](const std::string& problem) { read.problems.push_back(problem); });
   return read;
+}
+
+inline bool has_updates_soon(MapStore& map) {
+  for (int tries = 0; tries < 20'000; ++tries) {
+    if (map.has_updates()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return false;
 }
 
 /// Ignores the id.
@@ -47,7 +77,8 @@ inline MapEntry made_entry(const std::string& drive, int64_t frame) {
   }
   for (int64_t i = 0; i < 100; ++i)
     entry.descriptor.push_back(static_cast<float>((frame * 37 + i) % 512 - 256) / 64);
-  if (frame % 5 == 0) entry.feature = {-0.25F, std::ldexp(3.0F, static_cast<int>(frame % 60)), 0x1p100F};
+  if (frame % 5 == 0)
+    entry.feature = {-0.25F, std::ldexp(3.0F, static_cast<int>(frame % 60)), 0x1p100F};
   if (frame % 7 == 0) entry.cloud = "points of " + std::to_string(frame);
   return entry;
 }

@@ -6,21 +6,24 @@
 #include <utility>
 #include <vector>
 
+#include "map_entries.h"
 #include "revisit/maps/map.h"
 
 namespace revisit::test {
 
-/// Appends messages.
-inline MapStore::Warn into(std::vector<std::string>& messages) {
-  return [&messages](const std::string& message) { messages.push_back(message); };
-}
-
-/// Creates it if missing.
+/// Creates it if missing. `file`: or the address of a map on a server.
 inline std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
                                         const FeatureExtractor& extractor,
                                         const MapOptions& options = {}) {
   const MapFingerprint fingerprint = fingerprint_of(extractor, options);
   return open_map(file, MapAccess::kWrite, &fingerprint);
+}
+
+inline std::unique_ptr<Map> file_map(const std::filesystem::path& file,
+                                     const FeatureExtractor& extractor,
+                                     const MapOptions& options = {},
+                                     const MapStore::Warn& warn = {}) {
+  return std::make_unique<Map>(extractor, options, map_in(file, extractor, options), warn);
 }
 
 /// Returns the index.

@@ -123,4 +123,15 @@ void PostgresServer::kill() {
   process_ = -1;
 }
 
+void PostgresServer::restart() {
+  kill();
+  start();
+}
+
+void PostgresServer::close_connections(const std::string& which) const {
+  execute(
+      "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() AND " +
+      which);
+}
+
 }  // namespace revisit::test

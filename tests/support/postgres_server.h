@@ -32,6 +32,9 @@ class PostgresServer {
   void start();
   /// Sends SIGKILL; child processes end when they notice.
   void kill();
+  void restart();
+  /// `which`: condition on a row of pg_stat_activity.
+  void close_connections(const std::string& which) const;
 
  private:
   TempDir folder_;

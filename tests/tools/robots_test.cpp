@@ -51,10 +51,6 @@ class Robots : public testing::Test {
     }
     ADD_FAILURE() << "no " << n << " entries in 30 s";
   }
-  void restart() {
-    server_->kill();
-    server_->start();
-  }
 
   std::optional<PostgresServer> server_;
   TempDir folder_;
@@ -106,7 +102,7 @@ TEST_F(Robots, ShareEntriesWhileDriving) {
     });
   }
   wait_for_entries(60);
-  restart();
+  server_->restart();
   for (std::thread& robot : robots) robot.join();
 
   int of_each_other = 0;
@@ -152,7 +148,7 @@ TEST_F(Robots, DescribeOneDataSetDespiteKills) {
     wait_for_entries(30 * (kill + 1));
     pid_t& killed = processes.at(kill % 2);
     ::kill(killed, SIGKILL);
-    if (kill == 1) restart();
+    if (kill == 1) server_->restart();
     int status = 0;
     ::waitpid(killed, &status, 0);
     EXPECT_TRUE(WIFSIGNALED(status)) << "it ended before it was killed";
