@@ -7,7 +7,6 @@
 #include "aligned.h"
 #include "kernels/float_mode.h"
 #include "plan_impl.h"
-#include "revisit/engine/machine.h"
 
 namespace revisit::engine {
 namespace {

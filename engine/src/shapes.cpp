@@ -165,8 +165,7 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
             "the number of rows of its input '",
             net.graph.values[node.inputs[first - rows.begin()]].blob,
             "' depends on the data (layer '", net.graph.nodes[(*first)->layer].name,
-            "'), but it does not compute each row independently; end the net before "
-            "this layer");
+            "'), but it does not compute each row independently; end the net before this layer");
       for (size_t port = 0; port < node.outputs.size(); ++port) {
         std::optional<DynamicRows>& output = result[node.outputs[port]];
         if (const auto axis = layer.dynamic_axis())

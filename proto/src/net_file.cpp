@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
-#include <limits>
 #include <map>
 #include <optional>
 
@@ -156,13 +155,6 @@ NetFile finish_text(NetFile file, const std::string& text, const std::string& na
   return finish(std::move(file), std::move(parsed.unread), &text, name, options);
 }
 
-NetFile finish_binary(NetFile file, bool parsed, const std::string& name, const Limits& limits) {
-  if (!parsed) throw InputError(name, ": protobuf cannot parse it as a caffemodel");
-  if (!file.net.IsInitialized())
-    throw InputError(name, ": missing required field ", file.net.InitializationErrorString());
-  return finish(std::move(file), {}, nullptr, name, {.keep_training = true, .limits = limits});
-}
-
 /// Unique names of the nets of a solver that have a TEST phase.
 std::vector<std::string> named_nets(const caffe::SolverParameter& solver) {
   std::vector<std::string> names(solver.test_net().begin(), solver.test_net().end());
@@ -242,17 +234,13 @@ NetFile read_net_binary(const fs::path& file, const Limits& limits) {
   WeightsFile::open(file, limits);
   std::ifstream in(file, std::ios::binary);
   NetFile result;
-  const bool parsed = result.net.ParsePartialFromIstream(&in);
-  return finish_binary(std::move(result), parsed, file.string(), limits);
-}
-
-NetFile parse_net_binary(std::string_view content, const std::string& name, const Limits& limits) {
-  WeightsFile::open(FileCursor(content, name), limits);  // also rejects content above the limits
-  NetFile result;
-  const bool parsed =
-      content.size() <= static_cast<size_t>(std::numeric_limits<int>::max()) &&
-      result.net.ParsePartialFromArray(content.data(), static_cast<int>(content.size()));
-  return finish_binary(std::move(result), parsed, name, limits);
+  if (!result.net.ParsePartialFromIstream(&in))
+    throw InputError(file.string(), ": protobuf cannot parse it as a caffemodel");
+  if (!result.net.IsInitialized())
+    throw InputError(file.string(), ": missing required field ",
+                     result.net.InitializationErrorString());
+  return finish(std::move(result), {}, nullptr, file.string(),
+                {.keep_training = true, .limits = limits});
 }
 
 std::string net_text(const caffe::NetParameter& net) {

@@ -4,14 +4,11 @@
 #include <google/protobuf/io/tokenizer.h>
 
 #include <cstddef>
-#include <filesystem>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "caffe_schema.pb.h"
-#include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
 

@@ -18,10 +18,9 @@ constexpr int kLegacyAxes = 4;  // num, channels, height, width
 
 void check_one_generation(const caffe::NetParameter& net) {
   if (net.layer_size() == 0 || net.layers_size() == 0) return;
-  throw UpgradeError(
-      "layers", 0,
-      "has both V2 `layer { type: \"Convolution\" ...}` and older `layers { type: CONVOLUTION "
-      "...}`; write all of them as `layer`");
+  throw UpgradeError("layers", 0,
+                     "has both V2 `layer { type: \"Convolution\" ...}` and older `layers { type: "
+                     "CONVOLUTION ...}`; write all of them as `layer`");
 }
 
 std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {

@@ -219,10 +219,9 @@ class Caffemodel final : public WeightsFile {
     if (cursor_.size() == 0) throw InputError(path, ": is empty, expected a caffemodel");
     check_binary_size(cursor_, "a caffemodel");
     const std::string head = read_head(cursor_);
-    const std::string not_binary =
-        str(path,
-            ": is text, expected a binary caffemodel (a prototxt, a web page or a Git LFS "
-            "pointer in its place?)");
+    const std::string not_binary = str(path,
+                                       ": is text, expected a binary caffemodel (a prototxt, a web "
+                                       "page or a Git LFS pointer in its place?)");
     try {
       index_net();
     } catch (const FormatError& error) {

@@ -3,7 +3,6 @@
 #include <limits>
 #include <vector>
 
-#include "revisit/base/error.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

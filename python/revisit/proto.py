@@ -1,9 +1,9 @@
 """Caffe's files: network descriptions, weights, mean images."""
 
 from revisit._core.proto import (
-    Graph, Limits, NetFile, Node, WeightsFile, parse_net, parse_net_binary, read_binaryproto,
+    Graph, Limits, NetFile, Node, WeightsFile, parse_net, read_binaryproto,
     read_net, read_net_binary, resolve, schema)
 
 __all__ = [
-    'Graph', 'Limits', 'NetFile', 'Node', 'WeightsFile', 'parse_net', 'parse_net_binary',
+    'Graph', 'Limits', 'NetFile', 'Node', 'WeightsFile', 'parse_net',
     'read_binaryproto', 'read_net', 'read_net_binary', 'resolve', 'schema']

@@ -39,12 +39,22 @@ nb::ndarray<nb::numpy, T> view_of(T* data, const std::vector<int64_t>& shape, nb
   return nb::ndarray<nb::numpy, T>(data, sizes.size(), sizes.data(), owner);
 }
 
+/// Refers to `values` and keeps `owner`, which owns them, alive.
+inline ReadOnlyFloats view_of(const std::vector<float>& values, nb::handle owner) {
+  return view_of(values.data(), {static_cast<int64_t>(values.size())}, owner);
+}
+
 /// Owns `values`.
 template <class T>
 nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, const std::vector<int64_t>& shape) {
   auto* kept = new std::vector<T>(std::move(values));
   const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
   return view_of(kept->data(), shape, owner);
+}
+template <class T>
+nb::ndarray<nb::numpy, T> array_of(std::vector<T> values) {
+  const auto count = static_cast<int64_t>(values.size());
+  return array_of(std::move(values), {count});
 }
 
 /// For error messages: "float64 array of shape (3, 227)", or a type's name.

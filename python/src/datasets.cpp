@@ -66,15 +66,13 @@ void bind_datasets(nb::module_& module) {
       "points"_a, "seed"_a, "perturbation"_a = nb::none(),
       "Perturbs a scan as if another robot had taken it: float32 [n][4].\n\n"
       "perturbation: comma-separated steps as of `revisit eval --perturb`; None: random "
-      "steps, "
-      "as in training with augmentation.");
+      "steps, as in training with augmentation.");
   module.def(
       "read_timed_scan",
       [](const fs::path& file) {
         PointCloud cloud = without_lock([&] { return read_scan(file); });
         std::optional<FloatArray> times;
-        const auto count = static_cast<int64_t>(cloud.times.size());
-        if (count > 0) times = array_of(std::move(cloud.times), {count});
+        if (!cloud.times.empty()) times = array_of(std::move(cloud.times));
         return std::pair(array_of(std::move(cloud)), times);
       },
       "file"_a,
@@ -87,8 +85,7 @@ void bind_datasets(nb::module_& module) {
         std::vector<float> times =
             point_times({values.data(), values.shape(0)}, nanoseconds, stamp);
         if (times.empty()) return std::nullopt;
-        const auto count = static_cast<int64_t>(times.size());
-        return array_of(std::move(times), {count});
+        return array_of(std::move(times));
       },
       "values"_a, "nanoseconds"_a, "stamp"_a = nb::none(),
       "Converts a recording's times of points to seconds relative to the scan's stamp, float32 "
@@ -138,8 +135,8 @@ void bind_datasets(nb::module_& module) {
   module.def(
       "read_extrinsic",
       [](const fs::path& file) { return Matrix4d(read_extrinsic(file).matrix()); }, "file"_a,
-      "Reads T_body_lidar, float64 [4][4], from KITTI's calib.txt (Tr) or the rows of a 3 x 4 or "
-      "4 x 4 matrix.");
+      "Reads T_body_lidar, float64 [4][4], from KITTI's calib.txt (Tr) or the rows of a 3 x 4 or 4 "
+      "x 4 matrix.");
 }
 
 }  // namespace revisit::python

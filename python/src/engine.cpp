@@ -102,8 +102,8 @@ void bind_loading(nb::class_<Net>& net) {
       "inputs: input shapes that replace those of the prototxt.\n"
       "allow_missing: set weights that are missing in the file to zero.\n"
       "allow_unknown: warn about unknown fields outside layer parameters instead of raising.\n"
-      "Raises InputError (files do not parse or do not match), UnsupportedError (unsupported "
-      "layer type), UsageError (unknown layer).",
+      "Raises InputError (files do not parse or do not match), UnsupportedError (unsupported layer "
+      "type), UsageError (unknown layer).",
       "prototxt"_a, "weights"_a = nb::none());
   def_load<const std::string&, const nb::bytes&>(
       net, "load_from_memory",
@@ -118,8 +118,8 @@ void bind_loading(nb::class_<Net>& net) {
       "Like load(), with seeded random weights, for timing and tests.", "prototxt"_a, "seed"_a);
   def_load<const fs::path&>(
       net, "load_without_weights", Net::load_without_weights,
-      "Like load(), without a weights file. Unless the prototxt contains all weights, the net "
-      "can be planned and inspected, but creating a Run raises UsageError.",
+      "Like load(), without a weights file. Unless the prototxt contains all weights, the net can "
+      "be planned and inspected, but creating a Run raises UsageError.",
       "prototxt"_a);
 }
 
@@ -200,10 +200,9 @@ void bind_net(nb::module_& module) {
 void bind_plan(nb::module_& module) {
   using engine::LayerCost;
   using engine::ReceptiveField;
-  nb::class_<ReceptiveField>(
-      module, "ReceptiveField",
-      "Output pixel i sees the input pixels [start + i * stride, start + i * "
-      "stride + size). A negative start is padding.")
+  nb::class_<ReceptiveField>(module, "ReceptiveField",
+                             "Output pixel i sees the input pixels [start + i * stride, start + i "
+                             "* stride + size). A negative start is padding.")
       .def_ro("size", &ReceptiveField::size)
       .def_ro("stride", &ReceptiveField::stride)
       .def_ro("start", &ReceptiveField::start)

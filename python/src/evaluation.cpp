@@ -31,7 +31,7 @@ Columns columns_of(const std::vector<PrPoint>& curve) {
   const auto column = [&](const char* name, auto PrPoint::*field) {
     std::vector<std::decay_t<decltype(curve.front().*field)>> values;
     for (const PrPoint& point : curve) values.push_back(point.*field);
-    columns[name] = array_of(std::move(values), {static_cast<int64_t>(curve.size())});
+    columns[name] = array_of(std::move(values));
   };
   column("threshold", &PrPoint::threshold);
   column("tp", &PrPoint::tp);

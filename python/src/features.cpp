@@ -70,9 +70,7 @@ void bind_extractors(nb::module_& module) {
           "__call__",
           [](ScanFeature& self, PointsArgument points) {
             const PointCloud cloud = GivenPoints(points).cloud();
-            std::vector<float> feature = without_lock([&] { return self.of(cloud); });
-            const auto dim = static_cast<int64_t>(feature.size());
-            return array_of(std::move(feature), {dim});
+            return array_of(without_lock([&] { return self.of(cloud); }));
           },
           "points"_a,
           "Returns the feature of a scan. Raises InputError if it cannot be described.");

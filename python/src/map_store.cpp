@@ -32,9 +32,6 @@ std::vector<MapEntry> entries_of(OpenMap& map, int64_t after) {
 }
 
 void bind_entry(nb::module_& module) {
-  const auto view = [](const std::vector<float>& numbers, nb::handle self) {
-    return view_of(numbers.data(), {static_cast<int64_t>(numbers.size())}, self);
-  };
   nb::class_<MapEntry>(module, "MapEntry", "A map entry.")
       .def_ro("id", &MapEntry::id, "1, 2, ... in the order of adding.")
       .def_ro("drive", &MapEntry::drive)
@@ -43,13 +40,12 @@ void bind_entry(nb::module_& module) {
       .def_prop_ro(
           "pose", [](const MapEntry& entry) { return matrix_of(entry.pose); },
           "T_world_sensor, or None.")
-      .def_prop_ro("descriptor",
-                   [view](nb::handle self) {
-                     return view(nb::cast<const MapEntry&>(self).descriptor, self);
-                   })
+      .def_prop_ro(
+          "descriptor",
+          [](nb::handle self) { return view_of(nb::cast<const MapEntry&>(self).descriptor, self); })
       .def_prop_ro(
           "feature",
-          [view](nb::handle self) { return view(nb::cast<const MapEntry&>(self).feature, self); },
+          [](nb::handle self) { return view_of(nb::cast<const MapEntry&>(self).feature, self); },
           "The feature before projection; empty once the descriptor projection is fixed.");
 }
 

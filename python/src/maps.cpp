@@ -35,11 +35,6 @@ struct PythonMap : Warnings, Map {
       : Map(source, options, std::forward<decltype(store)>(store)..., warn()) {}
 };
 
-/// View of values that `self` owns.
-ReadOnlyFloats view_of_numbers(const std::vector<float>& numbers, nb::handle self) {
-  return view_of(numbers.data(), {static_cast<int64_t>(numbers.size())}, self);
-}
-
 void bind_records(nb::module_& module) {
   nb::class_<Description>(module, "Description", "The feature of a scan.")
       .def_prop_ro("described", &Description::described)
@@ -47,9 +42,7 @@ void bind_records(nb::module_& module) {
               "Reason why the scan could not be described; '' if it was.")
       .def_prop_ro(
           "feature",
-          [](nb::handle self) {
-            return view_of_numbers(nb::cast<const Description&>(self).feature, self);
-          },
+          [](nb::handle self) { return view_of(nb::cast<const Description&>(self).feature, self); },
           "Feature vector, read-only; empty if the scan could not be described.")
       .def("__repr__", [](const Description& scan) {
         return scan.described() ? str("<Description of ", scan.feature.size(), " dimensions>")
@@ -81,10 +74,9 @@ void bind_records(nb::module_& module) {
 }
 
 void bind_map(nb::module_& module) {
-  nb::class_<PythonMap>(
-      module, "Map",
-      "Entries of a map, in memory and on disk: with a file, every entry is there "
-      "when add() returns. Thread-safe.")
+  nb::class_<PythonMap>(module, "Map",
+                        "Entries of a map, in memory and on disk: with a file, every entry is "
+                        "there when add() returns. Thread-safe.")
       .def(
           "__init__",
           [](PythonMap* self, const std::optional<fs::path>& file,
@@ -165,8 +157,8 @@ void bind_map(nb::module_& module) {
           },
           "scan"_a, nb::kw_only(), "drive"_a = "", "frame"_a = 0, "time"_a = nb::none(),
           "pose"_a = nb::none(), "points"_a = nb::none(),
-          "Adds an entry and returns its index. `pose`: T_world_sensor, float64 [4][4]. "
-          "`points`: as in describe(); LoopDetector registers later scans with them.")
+          "Adds an entry and returns its index. `pose`: T_world_sensor, float64 [4][4]. `points`: "
+          "as in describe(); LoopDetector registers later scans with them.")
       .def(
           "remove",
           [](PythonMap& self, const std::vector<int64_t>& indices) { return self.remove(indices); },
@@ -180,8 +172,8 @@ void bind_map(nb::module_& module) {
           "Sensor of the shipped ring model; '' for another feature, or until the first scan.")
       .def_prop_ro(
           "warnings", [](const PythonMap& self) { return self.warnings.all(); },
-          "Messages about the sensor that was found, corrupt entries, and calibrations "
-          "that detectors ignore.")
+          "Messages about the sensor that was found, corrupt entries, and calibrations that "
+          "detectors ignore.")
       .def("refresh", &PythonMap::refresh, nb::call_guard<Unlocked>(),
            "Loads the entries that other processes added to the map, and drops those they removed. "
            "Returns the number of loadings so far; takes microseconds if nothing changed.");
@@ -250,8 +242,7 @@ void bind_loop_detector(nb::module_& module) {
           "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = nb::none(),
           "threshold"_a = nb::none(), "target_precision"_a = nb::none(), "keep_clouds"_a = true,
           "map: a Map; or the file or server's address of one of ring descriptors, which "
-          "open_map() "
-          "opens; None: a temporary map.\n"
+          "open_map() opens; None: a temporary map.\n"
           "drive: name of the drive in the map.\n"
           "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'meters=L' or "
           "'none'.\n"

@@ -237,15 +237,6 @@ void bind_net_file(nb::module_& module) {
       },
       nb::call_guard<Unlocked>(), "file"_a, nb::kw_only(), "limits"_a = nb::none(),
       "Reads a full caffemodel, including weights, and upgrades it.");
-  module.def(
-      "parse_net_binary",
-      [](const nb::bytes& content, const std::string& name, const std::optional<Limits>& limits) {
-        const std::string_view bytes = bytes_of(content);
-        return without_lock(
-            [&] { return proto::parse_net_binary(bytes, name, limits.value_or(Limits())); });
-      },
-      "content"_a, "name"_a = "<caffemodel>", nb::kw_only(), "limits"_a = nb::none(),
-      "Like read_net_binary(), from bytes.");
   module.def("net_of_layers", &net_of_layers, "name"_a, "layers"_a,
              "Returns a net of layers in the current format: pairs of a serialized LayerParameter "
              "and its arrays (float32, C order).");

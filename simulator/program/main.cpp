@@ -10,10 +10,9 @@ namespace {
 
 constexpr const char* kSimulateSummary =
     "Writes a data set in KITTI odometry layout: a drive through a synthetic town or another "
-    "environment. The route is "
-    "generated, or given by a KITTI poses file; the environment is built along it. Equal settings "
-    "give equal bytes for "
-    "any number of threads. If interrupted, run the same command again to resume.";
+    "environment. The route is generated, or given by a KITTI poses file; the environment is built "
+    "along it. Equal settings give equal bytes for any number of threads. If interrupted, run the "
+    "same command again to resume.";
 
 constexpr const char* kSimulateExamples =
     "  revisit-simulate -o town\n"
@@ -80,13 +79,11 @@ struct SimulateOptions {
 void SimulateOptions::declare(Options& options) {
   options.option("output", "DIR", "root of the data set", &drive.output, 'o')
       .required()
-      .choice(
-          "preset", {"hkust-rotation", "hkust-objects"},
-          "places instead of a drive, a folder each: hkust-rotation (7 places, 77 scans of a "
-          "VLP-16 rotated by about 40 "
-          "degrees between scans) or hkust-objects (the same places, 94 scans with people and cars "
-          "passing)",
-          &preset)
+      .choice("preset", {"hkust-rotation", "hkust-objects"},
+              "places instead of a drive, a folder each: hkust-rotation (7 places, 77 scans of a "
+              "VLP-16 rotated by about 40 degrees between scans) or hkust-objects (the same "
+              "places, 94 scans with people and cars passing)",
+              &preset)
       .excludes({"sequence", "route", "length", "poses", "calib", "surroundings", "traffic",
                  "frames", "every", "sensor", "sensor-height", "sensor-pitch", "sensor-roll",
                  "rolling-shutter", "camera", "image-scale", "light"})

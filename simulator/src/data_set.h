@@ -47,6 +47,10 @@ void run_scans(int64_t missing, int threads, const std::filesystem::path& folder
                const std::function<void(int64_t, int64_t)>& progress,
                const std::function<bool()>& stop, SimulationSummary& summary);
 
+/// Writes binary PCD atomically, with `cloud.times`, one per point, as the field `time`. Throws
+/// Error on failure, UsageError unless each point has a time.
+void write_pcd_scan(const std::filesystem::path& file, const PointCloud& cloud);
+
 /// Computed from the sizes of `files`: .bin, or .pcd of write_pcd_scan().
 double mean_points(std::span<const std::filesystem::path> files);
 

@@ -337,15 +337,19 @@ TEST(NetFileRobustness, DamagedTextIsAnErrorOrANet) {
 TEST(NetFile, BytesReadBack) {
   const NetFile file = parse_net("name: 'n' layers { name: 'a' type: RELU bottom: 'x' top: 'y' }",
                                  "net", {.keep_training = true});
-  const NetFile again = parse_net_binary(net_bytes(file.net), "bytes");
+  const TempDir dir;
+  write_file(dir / "net", net_bytes(file.net));
+  const NetFile again = read_net_binary(dir / "net");
   EXPECT_TRUE(MessageDifferencer::Equals(file.net, again.net));
 }
 
 TEST(NetFile, BytesThatAreNoNetAreRefused) {
+  const TempDir dir;
   for (const std::string_view bytes :
        {""sv, "\xff\xff\xff"sv, "\x89HDF\r\n\x1a\n"sv, "name: 'n'"sv}) {
-    const std::string message = message_of<InputError>([&] { parse_net_binary(bytes, "bytes"); });
-    EXPECT_TRUE(message.starts_with("bytes")) << message;
+    write_file(dir / "bytes", std::string(bytes));
+    const std::string message = message_of<InputError>([&] { read_net_binary(dir / "bytes"); });
+    EXPECT_TRUE(message.starts_with((dir / "bytes").string())) << message;
   }
 }
 

@@ -329,7 +329,7 @@ def net_file(folder):
     def work():
         for i in range(100):
             file.set_weights({'fc': [np.full(1 + i % 50, i, np.float32)]})
-            proto.parse_net_binary(file.to_bytes())
+            proto.WeightsFile.from_bytes(file.to_bytes())
             file.text()
     together(*[work] * 4)
 

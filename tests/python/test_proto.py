@@ -1,7 +1,9 @@
 """revisit.proto: network descriptions and weights."""
 
 import gc
+import tempfile
 import unittest
+from pathlib import Path
 
 import numpy as np
 
@@ -38,11 +40,14 @@ class Descriptions(unittest.TestCase):
 
     def test_bytes_read_back(self):
         net = proto.parse_net(OLD)
-        again = proto.parse_net_binary(net.to_bytes())
-        self.assertEqual(again.text(), net.text())
-        for wrong in (b'\xff\xff\xff', b'', b'\x89HDF\r\n\x1a\n'):
-            with self.assertRaises(revisit.Error, msg=str(wrong)):
-                proto.parse_net_binary(wrong)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, 'net')
+            net.write_binary(file)
+            self.assertEqual(proto.read_net_binary(file).text(), net.text())
+            for wrong in (b'\xff\xff\xff', b'', b'\x89HDF\r\n\x1a\n'):
+                file.write_bytes(wrong)
+                with self.assertRaises(revisit.Error, msg=str(wrong)):
+                    proto.read_net_binary(file)
 
     def test_schema_is_a_file_descriptor(self):
         self.assertIn(b'NetParameter', proto.schema())

@@ -47,16 +47,6 @@ TEST_F(DoctorScan, PrintsTheScanAndWritesBothImages) {
   EXPECT_EQ(other.out.find("yaw"), std::string::npos) << "not computed, so not printed";
 }
 
-TEST_F(DoctorScan, GammaBrightensTheImages) {
-  run_ok(command + " --images " + quoted(dir / "plain"));
-  run_ok(command + " --images " + quoted(dir / "bright") + " --gamma 2");
-  const auto before = read_gray_png(dir / "plain/a_projected.png");
-  const auto after = read_gray_png(dir / "bright/a_projected.png");
-  ASSERT_EQ(before.pixels.size(), after.pixels.size());
-  for (size_t i = 0; i < before.pixels.size(); ++i)
-    ASSERT_NEAR(after.pixels[i], std::sqrt(255.0 * before.pixels[i]), 3) << i;
-}
-
 TEST_F(DoctorScan, WarnsIfTheDirectionIsNotDetermined) {
   std::string square(16, '\0');
   for (const auto& [x, y] : {std::pair<float, float>{10, 0}, {-10, 0}, {0, 10}, {0, -10}}) {
@@ -84,7 +74,6 @@ TEST_F(DoctorScan, MisuseIsExitCode2) {
   const std::pair<const char*, const char*> cases[] = {
       {" --sensor hdl46", "did you mean 'hdl64'"},
       {" --align case3", "did you mean"},
-      {" --gamma 0", "expected a positive number"},
       {" --geometry width=0", "width from 1"},
       {" --geometry closing-width=-4", "0 to 360 degrees"},
       {" --sensor hdl64 --geometry top=-30", "top -30, bottom -25"},

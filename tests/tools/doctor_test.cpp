@@ -24,17 +24,12 @@ void write_kitti(const TempDir& dir) {
   write_file(dir.path() / "poses/00.txt", poses);
 }
 
-TEST(DoctorData, CountsScansPosesTimesAndImages) {
+TEST(DoctorData, CountsScansPosesAndTimes) {
   const TempDir dir;
   write_kitti(dir);
   EXPECT_EQ(data_text(dir.path()), " sequence 00 3 scans, 8 poses, times\n");
   for (const char* root : {"sequences/00", "sequences/00/"})
     EXPECT_EQ(data_text(dir.path() / root), " sequence 00 3 scans, 8 poses, times\n");
-  for (const char* frame : {"000000", "000001"})
-    write_file(dir.path() / "sequences/00/image_0" / (std::string(frame) + ".png"), "");
-  EXPECT_HAS(data_text(dir.path()), "000007") << "a scan without an image";
-  write_file(dir.path() / "sequences/00/image_0/000007.png", "");
-  EXPECT_EQ(data_text(dir.path()), " sequence 00 3 scans, 8 poses, times, 3 images\n");
 }
 
 TEST(DoctorData, FoldersOfPlacesAndSetsOfThem) {
@@ -50,12 +45,11 @@ TEST(DoctorData, FoldersOfPlacesAndSetsOfThem) {
 TEST(DoctorData, EachMissingPieceIsNamed) {
   const TempDir dir;
   write_kitti(dir);
-  write_file(dir.path() / "sequences/00/velodyne/000003.bin", "");
   write_file(dir.path() / "sequences/02/velodyne/000000.bin", "1234567890123456");
   std::filesystem::create_directories(dir.path() / "sequences/01");
   std::string text = data_text(dir.path());  // one sequence is enough
-  for (const char* part : {"sequence 01 unusable", "has no scans", "1 scan file empty",
-                           "1 scan, no poses, no times", "no ground truth"})
+  for (const char* part :
+       {"sequence 01 unusable", "has no scans", "1 scan, no poses, no times", "no ground truth"})
     EXPECT_HAS(text, part);
 
   write_file(dir.path() / "sequences/00/velodyne/000009.bin", "1234567890123456");
@@ -81,12 +75,8 @@ TEST(DoctorData, RealKittiExcerpt) {
 }
 
 TEST(Doctor, EverythingEssentialWorksHere) {
-  const TempDir cache;
-  const std::string environment =
-      "env -u OPENBLAS_CORETYPE REVISIT_MODELS='" + cache.path().string() + "'";
-  const auto result = run_ok("doctor", environment);
-  for (const char* word : {"self-test", "SIMD", "OpenBLAS", "make-random"})
-    EXPECT_HAS(result.out, word);
+  const auto result = run_ok("doctor", "env -u OPENBLAS_CORETYPE");
+  for (const char* word : {"self-test", "CPU", "SIMD", "OpenBLAS"}) EXPECT_HAS(result.out, word);
 }
 
 TEST(Doctor, WarnsOfVariablesThatSlowOpenBlasDown) {

@@ -2,7 +2,6 @@
 
 #include <cfloat>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "kernels/window.h"

@@ -38,8 +38,8 @@ struct UnitColumns {
 };
 
 /// cosines[shift] = sum over j of dot(a[:, j + shift], b[:, j]); `a` is stored twice in a row.
-std::pair<double, int> best_shift(const UnitColumns& a, const UnitColumns& b,
-                                  const ScanContextOptions& options) {
+double least_distance(const UnitColumns& a, const UnitColumns& b,
+                      const ScanContextOptions& options) {
   const int sectors = options.sectors;
   std::vector<float> cosines(static_cast<size_t>(sectors)), pairs(static_cast<size_t>(sectors));
   for (int column = 0; column < sectors; ++column) {
@@ -55,13 +55,10 @@ std::pair<double, int> best_shift(const UnitColumns& a, const UnitColumns& b,
         cosines[static_cast<size_t>(shift)] += value * row[shift];
     }
   }
-  std::pair<double, int> best{std::numeric_limits<double>::infinity(), 0};
-  for (int shift = 0; shift < sectors; ++shift) {
-    const auto at = static_cast<size_t>(shift);
-    const double distance = pairs[at] > 0 ? 1 - double{cosines[at]} / pairs[at] : 1;
-    if (distance < best.first) best = {distance, shift};
-  }
-  return best;
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t shift = 0; shift < cosines.size(); ++shift)
+    least = std::min(least, pairs[shift] > 0 ? 1 - double{cosines[shift]} / pairs[shift] : 1);
+  return least;
 }
 
 void check(const ScanContextOptions& options) {
@@ -131,11 +128,6 @@ std::vector<float> ring_key(std::span<const float> context, const ScanContextOpt
   return key;
 }
 
-std::pair<double, int> context_distance(std::span<const float> a, std::span<const float> b,
-                                        const ScanContextOptions& options) {
-  return best_shift(UnitColumns(a, options, 2), UnitColumns(b, options, 1), options);
-}
-
 FeatureExtractor scan_context_features(const ScanContextOptions& options) {
   check(options);
   FeatureExtractor extractor;
@@ -162,7 +154,7 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
     }
     for (const size_t i : compared) {
       const UnitColumns other(places[i], options, 1);
-      similarities[i] = 1 - best_shift(query_columns, other, options).first;
+      similarities[i] = 1 - least_distance(query_columns, other, options);
     }
   };
   return extractor;

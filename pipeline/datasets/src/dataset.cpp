@@ -98,22 +98,21 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, bool nee
   const bool plain = holds_scans(root);
   const PlaceFolders sorted = plain ? PlaceFolders{} : find_places(root, sequence);
   if (!plain && sorted.places.empty())
-    throw InputError(root.string(), ": no scans here: looked for ",
-                     (root / "sequences" / "NN" / "velodyne").string(), ", ",
-                     (root / "velodyne").string(),
-                     ", for .bin, .pcd or .ply files in the folder itself and in a folder per "
-                     "place",
-                     compressed_scans(root));
+    throw InputError(
+        root.string(), ": no scans here: looked for ",
+        (root / "sequences" / "NN" / "velodyne").string(), ", ", (root / "velodyne").string(),
+        ", for .bin, .pcd or .ply files in the folder itself and in a folder per place",
+        compressed_scans(root));
   if (plain && !sequence.empty())
     throw InputError(root.string(), ": a plain folder of scans has no sequence ", sequence,
                      ": looked for ", (root / "sequences" / sequence).string());
   if (needs_poses)
-    fail_missing(root, "poses",
-                 str("the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "
-                     "poses.txt); a ",
-                     plain ? "plain folder of scans has none"
-                           : "folder per place has none: use a protocol of named places, "
-                             "e.g. places-3"));
+    fail_missing(
+        root, "poses",
+        str("the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "
+            "poses.txt); a ",
+            plain ? "plain folder of scans has none"
+                  : "folder per place has none: use a protocol of named places, e.g. places-3"));
   if (!plain) return by_place(sorted);
   dataset.name = fs::canonical(root).filename().string();
   dataset.scans = scan_refs(root, FrameNumbers::kFromNamesOrOrder);

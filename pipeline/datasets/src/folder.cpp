@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cstring>
 #include <iterator>
 #include <optional>
 #include <string_view>
@@ -178,8 +177,7 @@ PlaceFolders find_places(const fs::path& root, const std::string& sequence) {
     if (sequence.empty() && sets.size() > 1)
       throw InputError(
           root.string(),
-          ": several sets of places, select one (as the sequence); sets with a folder per "
-          "place: ",
+          ": several sets of places, select one (as the sequence); sets with a folder per place: ",
           list);
     found.sequence = sequence.empty() ? sets[0] : sequence;
     folder = root / found.sequence;

@@ -6,7 +6,6 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/hash.h"
-#include "revisit/base/text.h"
 #include "revisit/recognition/feature_file.h"
 
 namespace revisit {

@@ -5,7 +5,6 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/hash.h"
-#include "revisit/base/text.h"
 #include "revisit/evaluation/evaluate.h"
 
 namespace revisit {

@@ -193,8 +193,7 @@ const Ranges& ranges_of(const std::string& sequence) {
   for (const Ranges& ranges : kRanges)
     if (sequence == ranges.sequence) return ranges;
   throw UsageError(
-      "protocol bevplace: its ranges are published for 00, 02, 05, 06 and 08, not "
-      "for sequence '",
+      "protocol bevplace: its ranges are published for 00, 02, 05, 06 and 08, not for sequence '",
       sequence, "'; online and leave-one-out work for any");
 }
 
@@ -255,8 +254,7 @@ const std::vector<Entry>& table() {
   static const std::vector<Entry> entries = {
       {{"paper-easy",
         "every 3rd scan is stored, the others are queries; the best match is correct when all "
-        "three "
-        "coordinate differences are below 3 m",
+        "three coordinate differences are below 3 m",
         kPaper},
        paper_easy_task,
        {}},

@@ -62,9 +62,7 @@ class Blob:
 
     def _axis(self, index):
         if len(self._shape) > 4:
-            raise ValueError(
-                f'Blob: num, channels, height and width need at most 4 axes, found shape {self.shape}'
-            )
+            raise ValueError(f'Blob: num, channels, height and width need at most 4 axes, found shape {self.shape}')
         return self._shape[index] if index < len(self._shape) else 1
 
     num = property(lambda self: self._axis(0), doc='The first axis.')

@@ -58,9 +58,7 @@ class DummyData(Layer):
 
     def _for_each(self, given, name):
         if len(given) not in (1, self._n_tops):
-            raise InputError(
-                f'{name}: expected 1 value, or {self._n_tops}, one per output, found {len(given)}'
-            )
+            raise InputError(f'{name}: expected 1 value, or {self._n_tops}, one per output, found {len(given)}')
         return [given[0 if len(given) == 1 else i] for i in range(self._n_tops)]
 
     def setup(self, bottom, top):
@@ -96,12 +94,8 @@ def _make_script(message, prototxt):
     try:
         module = importlib.import_module(param.module)
     except ModuleNotFoundError as error:
-        raise InputError(
-            f"{where}: {error}; add its folder to PYTHONPATH"
-        ) from error
+        raise InputError(f"{where}: {error}; add its folder to PYTHONPATH") from error
     kind = getattr(module, param.layer, None)
     if not (isinstance(kind, type) and issubclass(kind, Layer)):
-        raise InputError(
-            f"{where}: expected a class '{param.layer}' derived from caffe.Layer in {module.__file__}"
-        )
+        raise InputError(f"{where}: expected a class '{param.layer}' derived from caffe.Layer in {module.__file__}")
     return kind(message)

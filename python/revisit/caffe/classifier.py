@@ -114,9 +114,7 @@ class Detector(Net):
         inside = np.minimum(np.round((end - begin + 1) * zoom).astype(int), size - pad)
         (y, x), (bottom, right) = begin.astype(int), end.astype(int)
         crop = np.ones(self.crop_dims, np.float32) * self.crop_mean
-        crop[pad[0] : pad[0] + inside[0], pad[1] : pad[1] + inside[1]] = io.resize_image(
-            im[y:bottom, x:right], inside
-        )
+        crop[pad[0] : pad[0] + inside[0], pad[1] : pad[1] + inside[1]] = io.resize_image(im[y:bottom, x:right], inside)
         return crop
 
     def configure_crop(self, context_pad):

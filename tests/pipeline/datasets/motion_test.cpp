@@ -89,13 +89,13 @@ TEST(Motion, TimesCountFromTheStamp) {
 
 TEST(Motion, FilesKeepTheTimesOfPoints) {
   const TempDir dir;
-  const PointCloud cloud{{{1, 2, 3, 0.5F}, {4, 5, 6, 0.25F}}, {0.0F, 0.0625F}};
-  write_pcd_scan(dir / "a.pcd", cloud);
-  EXPECT_EQ(std::filesystem::file_size(dir / "a.pcd"), kPcdHeaderBytes + 2 * kPcdPointBytes);
+  write_file(dir / "a.pcd",
+             "FIELDS x y z intensity time\nSIZE 4 4 4 4 4\nTYPE F F F F F\nWIDTH 2\nDATA ascii\n"
+             "1 2 3 0.5 0\n4 5 6 0.25 0.0625\n");
   PointCloud read = read_scan(dir / "a.pcd");
-  EXPECT_EQ(read.times, cloud.times);
+  EXPECT_EQ(read.times, (std::vector<float>{0, 0.0625F}));
   EXPECT_EQ(read.points[1].intensity, 0.25F);
-  write_kitti_scan(dir / "a.bin", cloud);
+  write_kitti_scan(dir / "a.bin", read);
   read_scan_into(dir / "a.bin", read);
   EXPECT_TRUE(read.times.empty()) << "of the scan before";
 

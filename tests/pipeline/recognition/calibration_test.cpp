@@ -196,19 +196,6 @@ TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
     EXPECT_NEAR(after.probability(s), 1 / (1 + std::exp(-(shift + slope * logit(s)))), 0.01) << s;
 }
 
-TEST(Calibration, FiguresOfHowWellItHolds) {
-  const Calibration c = of_blocks({{0, 3, 0}, {1, 3, 3}});  // 1/4 and 3/4
-  const std::vector<LabeledScore> matches = {{0, false}, {0, true}, {1, true}, {1, true}};
-  EXPECT_DOUBLE_EQ(brier_score(c, matches), (0.0625 + 0.5625 + 0.0625 + 0.0625) / 4);
-  const std::vector<ReliabilityBin> bins = reliability(c, matches, 2);
-  ASSERT_EQ(bins.size(), 2);
-  EXPECT_DOUBLE_EQ(bins[0].predicted, 0.25);
-  EXPECT_DOUBLE_EQ(bins[0].observed, 0.5);
-  EXPECT_DOUBLE_EQ(bins[1].predicted, 0.75);
-  EXPECT_DOUBLE_EQ(bins[1].observed, 1);
-  EXPECT_EQ(bins[1].matches, 2);
-}
-
 TEST(Calibration, IsWrittenAndRead) {
   Calibration c = isotonic_calibration(drawn(500, 0.5, 7));
   c.k = 7;

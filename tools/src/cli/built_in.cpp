@@ -7,13 +7,11 @@
 
 namespace revisit::cli {
 
-std::string how_to_complete() {
-  return "`tools/build.sh` in its sources builds it with everything";
-}
+constexpr const char* kHowToComplete = "`tools/build.sh` in its sources builds it with everything";
 
 void need_built_in(const std::string& option, std::string_view library) {
   if (!optional_library(library).built_in)
-    throw UsageError(option, ": this program was built without ", library, "; ", how_to_complete());
+    throw UsageError(option, ": this program was built without ", library, "; ", kHowToComplete);
 }
 
 void need_built_in_for_map(const std::string& option, const std::filesystem::path& map) {
@@ -28,7 +26,7 @@ std::string built_in_text() {
       built_in.emplace_back(library.name);
     else
       missing += str("not built in: ", library.name, " (", library.use, ")\n");
-  if (!missing.empty()) missing += how_to_complete() + "\n";
+  if (!missing.empty()) missing += str(kHowToComplete, "\n");
   return str("built in: ", built_in.empty() ? "no optional library" : joined(built_in, ", "), "\n",
              missing);
 }

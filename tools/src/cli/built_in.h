@@ -6,8 +6,6 @@
 
 namespace revisit::cli {
 
-std::string how_to_complete();
-
 /// Throws UsageError naming `option` unless the optional library is built in.
 void need_built_in(const std::string& option, std::string_view library);
 /// Throws UsageError for a map on a server without libpq.

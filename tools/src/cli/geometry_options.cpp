@@ -69,12 +69,11 @@ void GeometryOptions::declare(Options& options) {
       .suggest(sensor_names())
       .listed_by(print_sensors)
       .common()
-      .option(
-          "geometry",
-          "of the range image: width=4000 and height=112 [pixels], top and bottom [deg] of its "
-          "edges, max-range=80 [m] of pixel value 255, closing-width and closing-height [deg] of "
-          "the rectangle that closes holes, 0 for none (default: the sensor's)",
-          keys, &given);
+      .option("geometry",
+              "of the range image: width=4000 and height=112 [pixels], top and bottom [deg] of its "
+              "edges, max-range=80 [m] of pixel value 255, closing-width and closing-height [deg] "
+              "of the rectangle that closes holes, 0 for none (default: the sensor's)",
+              keys, &given);
 }
 
 bool GeometryOptions::is_auto() const {

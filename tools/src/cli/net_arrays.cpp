@@ -200,4 +200,18 @@ void print_best_classes(const std::string& name, std::span<const float> output,
   table.print(std::cout);
 }
 
+double relative_error(std::span<const float> found, std::span<const float> wanted, bool absolute) {
+  if (found.size() != wanted.size()) return INFINITY;
+  double worst = 0, largest = 0;
+  for (size_t i = 0; i < found.size(); ++i) {
+    if (std::isfinite(found[i]) && std::isfinite(wanted[i])) {
+      worst = std::max(worst, std::abs(static_cast<double>(found[i]) - wanted[i]));
+      largest = std::max(largest, std::abs(static_cast<double>(wanted[i])));
+    } else if (!(std::isnan(found[i]) && std::isnan(wanted[i])) && found[i] != wanted[i]) {
+      return INFINITY;
+    }
+  }
+  return largest > 0 && !absolute ? worst / largest : worst;
+}
+
 }  // namespace revisit::cli

@@ -46,4 +46,9 @@ std::vector<std::string> classifying(const engine::Plan& plan, const std::filesy
 void print_best_classes(const std::string& name, std::span<const float> output,
                         const std::vector<std::string>& labels);
 
+/// max|found - wanted| / max|wanted|, or max|found - wanted| if `absolute`; infinity if sizes, NaNs
+/// or infinities differ.
+double relative_error(std::span<const float> found, std::span<const float> wanted,
+                      bool absolute = false);
+
 }  // namespace revisit::cli

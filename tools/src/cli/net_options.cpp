@@ -68,9 +68,7 @@ void set_input_shapes(const std::filesystem::path& path, const std::vector<std::
                                                       given->second.axes().end());
       else if (!complete)
         throw UsageError("--input-shape: the input '", tops[i],
-                         "' has no shape either: give it, "
-                         "too: ",
-                         tops[i], "=NxCxHxW");
+                         "' has no shape either: give it, too: ", tops[i], "=NxCxHxW");
     }
   }
 }
@@ -133,11 +131,11 @@ void NetOptions::declare(Options& options, bool needs_net) {
   options.argument("PROTOTXT", &prototxt).required(needs_net);
   options.argument("WEIGHTS", &weights).optional();
   options.group("Network:");
-  options.option("end", "LAYER[+LAYER]",
-                 "last layer, without in-place layers after it, e.g. conv3 (default: the net's "
-                 "last); conv3+pool5 appends a copy of pool5, which has no weights, with its "
-                 "normalization and ReLU",
-                 &end);
+  options.option(
+      "end", "LAYER[+LAYER]",
+      "last layer, without in-place layers after it, e.g. conv3 (default: the net's last); "
+      "conv3+pool5 appends a copy of pool5, which has no weights, with its normalization and ReLU",
+      &end);
   declare_input_shape(options, &input_shapes);
   options.option("threads", "N", "threads of one forward pass (default 1)", &threads).at_least(1);
   declare_accuracy(options, &strict_accuracy);
@@ -177,11 +175,10 @@ void declare_precision(Options& options, engine::Precision* precision) {
 }
 
 void declare_accuracy(Options& options, bool* strict) {
-  options.choice<bool>(
-      "accuracy", {{"default", false}, {"strict", true}},
-      "rounding of convolutions: default, or strict (no more than Caffe's, and exact denormals, "
-      "below 1.2e-38; slower) (default default)",
-      strict);
+  options.choice<bool>("accuracy", {{"default", false}, {"strict", true}},
+                       "rounding of convolutions: default, or strict (no more than Caffe's, and "
+                       "exact denormals, below 1.2e-38; slower) (default default)",
+                       strict);
 }
 
 std::vector<std::string> slow_settings() {
@@ -198,8 +195,6 @@ std::vector<std::string> slow_settings() {
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {
   const engine::LoadOptions load = options.load_options();
-  if (!options.weights && otherwise == NoWeights::kRefuse)
-    throw UsageError("missing argument WEIGHTS: the .caffemodel of the network");
   engine::Net net =
       options.weights ? engine::Net::load(options.prototxt, *options.weights, load)
       : otherwise == NoWeights::kRandom

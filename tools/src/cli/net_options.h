@@ -60,7 +60,7 @@ void declare_accuracy(Options& options, bool* strict);
 /// Warnings of variables of the environment that slow OpenBLAS down.
 std::vector<std::string> slow_settings();
 
-enum class NoWeights { kRefuse, kRandom, kNone };
+enum class NoWeights { kRandom, kNone };
 
 /// Prints warnings of the net to standard error.
 engine::Net load_net(const NetOptions& options, NoWeights otherwise);

@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <iostream>
 #include <iterator>
 
@@ -118,6 +120,28 @@ std::vector<LabeledScore> scores_of(const std::vector<LabeledMatch>& matches,
   return scores;
 }
 
+/// Predicted and observed probabilities in the non-empty tenths of [0, 1].
+Table reliability(const Calibration& calibration, const std::vector<LabeledScore>& scores) {
+  struct Bin {
+    double predicted = 0, observed = 0, matches = 0;
+  };
+  constexpr int kBins = 10;
+  std::array<Bin, kBins> bins;
+  for (const LabeledScore& match : scores) {
+    const double p = calibration.probability(match.score);
+    Bin& bin = bins[static_cast<size_t>(std::min(p * kBins, kBins - 1.0))];
+    bin.predicted += p;
+    bin.observed += match.correct ? 1 : 0;
+    ++bin.matches;
+  }
+  Table table({"predicted", "observed", "matches"});
+  for (const Bin& bin : bins)
+    if (bin.matches > 0)
+      table.row({number(bin.predicted / bin.matches, 3), number(bin.observed / bin.matches, 3),
+                 number(bin.matches, 0)});
+  return table;
+}
+
 void print(const Calibration& calibration, const std::vector<LabeledMatch>& matches,
            double precision) {
   const std::optional<double> threshold = calibration.threshold_for(precision);
@@ -127,21 +151,21 @@ void print(const Calibration& calibration, const std::vector<LabeledMatch>& matc
     const std::vector<LabeledScore> scores = scores_of(matches, perturbed);
     if (scores.empty()) continue;
     int64_t correct = 0, accepted = 0, incorrect = 0;
+    double squares = 0;  // of p - correct
     for (const LabeledScore& match : scores) {
       const bool is_accepted = threshold && match.score >= *threshold;
       correct += match.correct ? 1 : 0;
       accepted += is_accepted ? 1 : 0;
       incorrect += is_accepted && !match.correct ? 1 : 0;
+      squares += std::pow(calibration.probability(match.score) - (match.correct ? 1 : 0), 2);
     }
-    table.row({name, str(scores.size()), str(correct), number(brier_score(calibration, scores), 4),
-               str(accepted), str(incorrect)});
+    table.row({name, str(scores.size()), str(correct),
+               number(squares / static_cast<double>(scores.size()), 4), str(accepted),
+               str(incorrect)});
   }
   table.print(std::cout);
   std::cout << "\n";
-  Table bins({"predicted", "observed", "matches"});
-  for (const ReliabilityBin& bin : reliability(calibration, scores_of(matches)))
-    bins.row({number(bin.predicted, 3), number(bin.observed, 3), str(bin.matches)});
-  bins.print(std::cout);
+  reliability(calibration, scores_of(matches)).print(std::cout);
   if (threshold)
     std::cout << "\nthreshold for precision " << precision << ": score " << number(*threshold, 4)
               << "\n";

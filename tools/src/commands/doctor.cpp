@@ -1,24 +1,20 @@
-#include <cmath>
 #include <fstream>
 #include <iomanip>
 #include <iostream>
 #include <numbers>
 #include <set>
-#include <thread>
 
-#include "cli/built_in.h"
 #include "cli/command.h"
 #include "cli/geometry_options.h"
+#include "cli/net_arrays.h"
 #include "cli/net_options.h"
 #include "cli/terminal.h"
 #include "eval/feature_options.h"
 #include "loops/recording.h"
-#include "models/models.h"
 #include "revisit/base/files.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/machine.h"
 #include "revisit/recognition/align.h"
-#include "revisit/recognition/optional_library.h"
 #include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit::cli {
@@ -45,24 +41,11 @@ std::vector<float> output_of(const engine::Net& net, bool reference_kernels) {
   return {output.begin(), output.end()};
 }
 
-/// max|fast - reference| / max|reference| of the ring descriptors' network; NaN if an output is.
-double deviation_from_reference() {
-  const engine::Net net = ring_net(shipped_ring_model("hdl64"));
-  const std::vector<float> fast = output_of(net, false), reference = output_of(net, true);
-  double difference = 0, largest = 0;
-  for (size_t i = 0; i < reference.size(); ++i) {
-    const double error = std::abs(double{fast.at(i)} - double{reference[i]});
-    if (std::isnan(error)) return error;
-    difference = std::max(difference, error);
-    largest = std::max(largest, std::abs(double{reference[i]}));
-  }
-  return difference / largest;
-}
-
 bool self_test() {
   constexpr double kTolerance = 1e-4;
   try {
-    const double deviation = deviation_from_reference();
+    const engine::Net net = ring_net(shipped_ring_model("hdl64"));
+    const double deviation = relative_error(output_of(net, false), output_of(net, true));
     const bool good = deviation <= kTolerance;
     print_finding(
         "self-test", str("a network by fast kernels against the reference: ", deviation),
@@ -74,8 +57,15 @@ bool self_test() {
   }
 }
 
-bool print_program() {
-  std::cout << "program\n";
+std::string cpu_name() {
+  std::ifstream in("/proc/cpuinfo");
+  for (std::string line; std::getline(in, line);)
+    if (line.starts_with("model name")) return line.substr(line.find(": ") + 2);
+  return "unknown";
+}
+
+/// The build, the machine, and whether networks compute here. Returns the latter.
+bool print_installation() {
   print_finding("revisit", REVISIT_VERSION);
 #ifdef __OPTIMIZE__
   print_finding("build", str("g++ ", __VERSION__, ", optimized"));
@@ -83,44 +73,12 @@ bool print_program() {
   print_finding("build", str("g++ ", __VERSION__, ", not optimized"),
                 "many times slower; build with 'cmake --preset release'");
 #endif
-  for (const OptionalLibrary& library : optional_libraries())
-    print_finding(std::string(library.name),
-                  str(library.built_in ? "built in: " : "not built in: ", library.use),
-                  library.built_in ? "" : how_to_complete());
-  return self_test();
-}
-
-/// Value of a line "key : value", or "".
-std::string value_in(const char* file, const std::string& key) {
-  std::ifstream in(file);
-  for (std::string line; std::getline(in, line);)
-    if (line.starts_with(key))
-      return line.substr(std::min(line.find_first_not_of(" \t", line.find(':') + 1), line.size()));
-  return "";
-}
-
-void print_machine() {
-  std::cout << "\nmachine\n";
-  print_finding("CPU", value_in("/proc/cpuinfo", "model name"));
+  print_finding("CPU", cpu_name());
   const std::string simd = engine::simd_target();
   print_finding("SIMD", "kernels use " + simd,
                 simd.starts_with("SSE") ? "networks run several times slower than with AVX2" : "");
-  print_finding("processors", str(std::thread::hardware_concurrency()));
   print_finding("OpenBLAS", "kernels for " + engine::blas_core(), joined(slow_settings(), "; "));
-  print_finding("memory", value_in("/proc/meminfo", "MemAvailable") + " available");
-  std::error_code error;
-  const double free = static_cast<double>(fs::space(".", error).available) / 1e9;
-  print_finding("disk", error ? error.message() : str(std::round(free), " GB free here"));
-}
-
-void print_model() {
-  std::cout << "\nmodels\n";
-  try {
-    const models::FoundModel found = models::find_model({});
-    print_finding("network", str(found.name, ", ", found.weights.string()));
-  } catch (const Error& error) {
-    print_finding("network", "none for commands without --model", error.what());
-  }
+  return self_test();
 }
 
 /// "7 places with 77 scans", or "12 scans, 4541 poses, no times".
@@ -137,25 +95,12 @@ std::string content_of(const Dataset& data) {
 /// Throws InputError if there is no such data.
 void print_sequence(const fs::path& root, const std::string& sequence) {
   const Dataset data = open_dataset(root, sequence);
-  std::string found = content_of(data);
   std::vector<std::string> advice = data.warnings;
-  const auto empty = std::ranges::count_if(data.scans, [](const ScanRef& scan) {
-    std::error_code error;
-    return fs::file_size(scan.file, error) == 0 && !error;
-  });
-  if (empty > 0) advice.push_back(plural(empty, "scan file") + " empty; copy the data set again");
-  const bool is_drive = !data.has_places() && !data.sequence.empty();
-  if (is_drive && !data.has_poses())
+  if (!data.has_places() && !data.sequence.empty() && !data.has_poses())
     advice.emplace_back("no ground truth, so evaluation is not possible");
-  const fs::path images = data.scans[0].file.parent_path().parent_path() / "image_0";
-  if (is_drive && fs::is_directory(images)) try {
-      found += ", " + plural(std::ssize(camera_images(data).scans), "image");
-    } catch (const InputError& error) {
-      advice.emplace_back(error.what());
-    }
   print_finding(
       data.sequence.empty() ? "scans" : (data.has_places() ? "set " : "sequence ") + data.sequence,
-      found, joined(advice, "; "));
+      content_of(data), joined(advice, "; "));
 }
 
 /// Prints sequences of KITTI, sets of places, or a folder of scans. Returns whether any is usable.
@@ -195,8 +140,7 @@ void print_recording(const fs::path& file) {
 Eigen::Matrix3f align_scan(const PointCloud& cloud, const std::string& align) {
   print_finding("alignment", align);
   if (align == "none") return Eigen::Matrix3f::Identity();
-  const Alignment found =
-      principal_alignment(cloud, align == "case2" ? AlignCase::kTwo : AlignCase::kOne);
+  const Alignment found = principal_alignment(cloud, parse_align_case(align));
   print_finding(
       "yaw [deg]", number(double{found.yaw} * 180 / std::numbers::pi, 2),
       found.mirrored_choice ? "t22 < 0: the paper's case 1 would need a mirror image" : "");
@@ -224,7 +168,6 @@ std::string filled(const RangeImage& image) {
 struct DoctorOptions {
   std::optional<fs::path> data, images;  // images: folder of the PNG files
   std::string align = "case1";
-  double gamma = 1;
   GeometryOptions geometry;
 
   void declare(Options& options) {
@@ -236,21 +179,12 @@ struct DoctorOptions {
                 "(NAME_projected.png) and after (NAME_closed.png)",
                 &images)
         .choice("align", {"none", "case1", "case2"}, "alignment of the scan (default case1)",
-                &align)
-        .option("gamma", "G",
-                "gamma correction of the PNG files for viewing, 255 (v / 255)^(1 / G); the "
-                "network's input has G = 1 (default 1)",
-                &gamma)
-        .positive()
-        .needs("images");
+                &align);
     geometry.declare(options);
   }
 };
 
-/// Brightens the image by `gamma`, because most ranges are a small fraction of the largest.
-void write_image(const DoctorOptions& o, const std::string& name, RangeImage image) {
-  for (float& pixel : image.pixels)
-    pixel = static_cast<float>(255 * std::pow(double{pixel} / 255, 1 / o.gamma));
+void write_image(const DoctorOptions& o, const std::string& name, const RangeImage& image) {
   make_folder(*o.images);
   const std::string file = (*o.images / str(o.data->stem().string(), "_", name, ".png")).string();
   write_gray_png(file, gray_of(image));
@@ -297,26 +231,22 @@ int examine(DoctorOptions& o) {
     return kOk;
   }
   if (o.data) return print_data(*o.data) ? kOk : kCheckFailed;
-  const bool ok = print_program();
-  print_machine();
-  print_model();
-  return ok ? kOk : kCheckFailed;
+  return print_installation() ? kOk : kCheckFailed;
 }
 
 }  // namespace
 
 Command doctor_command() {
-  return {
-      "doctor", "examine the installation, a data set or a scan",
-      "Prints what the program finds and how to fix what is missing: its build, the machine "
-      "and the models; or, with DATA, the sequences of a data set, the scans of a recording, or "
-      "the points, the alignment and the range image of a scan (.bin, .pcd or .ply). Exit "
-      "code 5 if networks do not compute, or DATA is unusable.",
-      "  revisit doctor\n"
-      "  revisit doctor /data/kitti\n"
-      "  revisit doctor sequences/00/velodyne/000052.bin --images look\n"
-      "  revisit doctor scan.pcd --sensor vlp16 --align none --images look --gamma 2.5\n",
-      with_options<DoctorOptions>(examine)};
+  return {"doctor", "examine the installation, a data set or a scan",
+          "Prints what the program finds and how to fix it: its build, the kernels for this "
+          "machine, and whether networks compute; or, with DATA, the sequences of a data set, the "
+          "scans of a recording, or the points, the alignment and the range image of a scan (.bin, "
+          ".pcd or .ply). Exit code 5 if networks do not compute, or DATA is unusable.",
+          "  revisit doctor\n"
+          "  revisit doctor /data/kitti\n"
+          "  revisit doctor sequences/00/velodyne/000052.bin --images look\n"
+          "  revisit doctor scan.pcd --sensor vlp16 --align none --images look\n",
+          with_options<DoctorOptions>(examine)};
 }
 
 }  // namespace revisit::cli

@@ -77,35 +77,6 @@ void print_summary(std::ostream& out, const std::vector<TaskResult>& results, in
   out << (results.size() > 1 ? ")\n" : " blocks)\n");
 }
 
-void print_matches(std::ostream& out, const TaskResult& result, const Trajectory& trajectory,
-                   const std::string& similarity) {
-  constexpr size_t kHandful = 20;
-  if (result.matches.empty() || result.matches.size() > kHandful) return;
-  const auto frame = [&](int64_t scan) {
-    return str(trajectory.frames[static_cast<size_t>(scan)]);
-  };
-  const Distance kind = result.task.rule.distance;
-  const auto meters = [&](const Match& m) {
-    if (kind == Distance::kPairs) return std::string();
-    return number(distance_between(trajectory, m.query, m.ranks[0], kind), 1);
-  };
-  Table table({"query", "best", similarity, "next", similarity + " of next", "score",
-               "meters to best", "correct"});
-  for (size_t q = 0; q < result.matches.size(); ++q) {
-    const Match& m = result.matches[q];
-    const bool has_next = m.ranks.size() > 1;
-    table.row({frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
-               has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
-               number(m.score, 3), meters(m),
-               result.labels[q].correct    ? "yes"
-               : result.labels[q].ignored  ? "ignored"
-               : result.labels[q].positive ? "no (missed)"
-                                           : "no (no correct match)"});
-  }
-  out << "\n" << result.task.name << ":\n";
-  table.print(out);
-}
-
 /// Prints nothing if `names` is empty.
 void print_skipped(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans) {
   if (names.empty()) return;
@@ -115,7 +86,6 @@ void print_skipped(std::ostream& out, const std::vector<std::string>& names, int
   out << (names.size() > kFew ? ", ...\n" : "\n");
 }
 
-/// Metrics of all tasks, and the matches of tasks with few queries.
 void print_results(std::ostream& out, const FinishedEvaluation& evaluation, int resamples) {
   const std::vector<TaskResult>& tasks = evaluation.result.tasks;
   if (tasks.front().perturbed)
@@ -123,8 +93,6 @@ void print_results(std::ostream& out, const FinishedEvaluation& evaluation, int 
   else
     print_summary(out, tasks, resamples);
   print_skipped(out, evaluation.skipped, evaluation.trajectory.size());
-  for (const TaskResult& result : tasks)
-    print_matches(out, result, evaluation.trajectory, similarity_name(evaluation.source));
   if (evaluation.source.model && !evaluation.source.model->trained)
     out << "\nThe network is UNTRAINED (random weights): results do not measure accuracy.\n";
 }
@@ -283,23 +251,22 @@ int run_eval(const EvalOptions& given, const Options& options) {
 }  // namespace
 
 Command eval_command() {
-  return {
-      "eval", "evaluate against ground truth: precision, recall, plots",
-      "Evaluates place recognition against ground truth: describes every scan, retrieves matches, "
-      "and reports precision and recall. By default each scan is a query against the scans before "
-      "it, as `revisit loops` drives. DATA is a KITTI odometry folder (`revisit simulate` writes "
-      "such), or any recording with --poses or --pairs. Of a --protocol, --perturb or --plan, an "
-      "interrupted command resumes if it is run again.",
-      "  revisit eval KITTI --sequence 00                              # ring descriptors\n"
-      "  revisit eval KITTI --sequence 00 --keyframes meters=1 --score distinct-margin\n"
-      "  revisit eval KITTI --sequence 05 --protocol online --radius 4 --exclusion seconds=30\n"
-      "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3+pool5 "
-      "--protocol paper\n"
-      "  revisit eval KITTI --sequence 00 --feature scan-context --perturb standard\n"
-      "  revisit eval laps --pairs loops.csv,near=2\n"
-      "  revisit eval KITTI --plan paper --model MODELS -o results/paper\n"
-      "  revisit eval scans/ --feature data --pca 100 --descriptors out\n",
-      with_options<EvalOptions>(run_eval)};
+  return {"eval", "evaluate against ground truth: precision, recall, plots",
+          "Evaluates place recognition against ground truth: describes every scan, retrieves "
+          "matches, and reports precision and recall. By default each scan is a query against the "
+          "scans before it, as `revisit loops` drives. DATA is a KITTI odometry folder (`revisit "
+          "simulate` writes such), or any recording with --poses or --pairs. Of a --protocol, "
+          "--perturb or --plan, an interrupted command resumes if it is run again.",
+          "  revisit eval KITTI --sequence 00                              # ring descriptors\n"
+          "  revisit eval KITTI --sequence 00 --keyframes meters=1 --score distinct-margin\n"
+          "  revisit eval KITTI --sequence 05 --protocol online --radius 4 --exclusion seconds=30\n"
+          "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3+pool5 "
+          "--protocol paper\n"
+          "  revisit eval KITTI --sequence 00 --feature scan-context --perturb standard\n"
+          "  revisit eval laps --pairs loops.csv,near=2\n"
+          "  revisit eval KITTI --plan paper --model MODELS -o results/paper\n"
+          "  revisit eval scans/ --feature data --pca 100 --descriptors out\n",
+          with_options<EvalOptions>(run_eval)};
 }
 
 }  // namespace revisit::cli

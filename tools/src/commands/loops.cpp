@@ -4,7 +4,6 @@
 #include <fstream>
 #include <iostream>
 
-#include "cli/built_in.h"
 #include "cli/command.h"
 #include "cli/terminal.h"
 #include "loops/labeled_matches.h"
@@ -51,26 +50,22 @@ void LoopsOptions::declare(Options& options) {
   options.group("Loops:")
       .option("exclusion", "KIND=N",
               "recent scans of this drive that are not compared: frames=50, seconds=30, meters=50 "
-              "or none "
-              "(default frames=50)",
+              "or none (default frames=50)",
               &exclusion_text)
       .common()
       .option("keyframes", "RULE",
               "stored scans: all, meters=1 (by poses) or similarity=0.9 (to the last one stored); "
-              "all are queries "
-              "(default all)",
+              "all are queries (default all)",
               &keyframes)
       .option("threshold", "S",
               "minimum score of an accepted loop: similarity plus inlier ratio if registered "
-              "(default: from "
-              "--target-precision)",
+              "(default: from --target-precision)",
               &threshold)
       .excludes({"calibrate", "target-precision"})
       .common()
       .option("target-precision", "P",
               "fraction of accepted loops that are correct, 0 to 1, by the calibration of the map "
-              "or the program "
-              "(default 0.99, or 0.95 without registration)",
+              "or the program (default 0.99, or 0.95 without registration)",
               &target_precision)
       .common()
       .option("calibrate", "DRIVE",
@@ -85,9 +80,8 @@ void LoopsOptions::declare(Options& options) {
       .common()
       .option("local-map", "METERS",
               "path length of the local map that replaces a scan, 1 to 200, for sensors with a gap "
-              "or few points; "
-              "needs poses; 10 is a good value; uses the model of hdl64 unless --sensor is given "
-              "(default: the scan)",
+              "or few points; needs poses; 10 is a good value; uses the model of hdl64 unless "
+              "--sensor is given (default: the scan)",
               &local_map)
       .common()
       .flag("all", "a line for every scan (default: only for accepted loops)", &all)
@@ -372,17 +366,17 @@ int detect_loops(LoopsOptions& o, const Options& options) {
 }  // namespace
 
 Command loops_command() {
-  return {"loops", "detect loop closures in a drive, a folder of scans or a bag",
-          "Detects loop closures online: describes every scan, compares it with the scans before "
-          "it, prints a line for a loop, and adds the scan. DATA is a KITTI sequence or a folder "
-          "of scans, or, read by the Python package, a bag, packets or another data set. - reads "
-          "names of scan files from standard input, one per line, or scans of "
-          "`revisit.recordings`.",
-          "  revisit loops town > loops.csv\n"
-          "  revisit loops town --map town.map --calibrate other_town --g2o town.g2o\n"
-          "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n"
-          "  revisit loops drive.mcap --poses odometry_tum.txt --pose-frame lidar\n",
-          with_options<LoopsOptions>(detect_loops)};
+  return {
+      "loops", "detect loop closures in a drive, a folder of scans or a bag",
+      "Detects loop closures online: describes every scan, compares it with the scans before it, "
+      "prints a line for a loop, and adds the scan. DATA is a KITTI sequence or a folder of scans, "
+      "or, read by the Python package, a bag, packets or another data set. - reads names of scan "
+      "files from standard input, one per line, or scans of `revisit.recordings`.",
+      "  revisit loops town > loops.csv\n"
+      "  revisit loops town --map town.map --calibrate other_town --g2o town.g2o\n"
+      "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n"
+      "  revisit loops drive.mcap --poses odometry_tum.txt --pose-frame lidar\n",
+      with_options<LoopsOptions>(detect_loops)};
 }
 
 }  // namespace revisit::cli

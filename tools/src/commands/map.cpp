@@ -150,8 +150,7 @@ struct QueryOptions {
         .common()
         .option("target-precision", "P",
                 str("fraction of accepted matches that are correct, 0 to 1, by the calibration of "
-                    "the map or the ring "
-                    "model (default ",
+                    "the map or the ring model (default ",
                     precision, ")"),
                 &precision)
         .common()
@@ -263,8 +262,7 @@ struct Removal {
         .check([this] {
           if (ids.empty() && !has_conditions())
             throw UsageError(
-                "missing a condition: give --ids, --drive, --older, or --near with "
-                "--radius");
+                "missing a condition: give --ids, --drive, --older, or --near with --radius");
         });
   }
   bool has_conditions() const { return !near.empty() || !drives.empty() || !older.empty(); }

@@ -1,6 +1,5 @@
 #include "revisit/engine/net.h"
 
-#include <algorithm>
 #include <iostream>
 
 #include "cli/command.h"

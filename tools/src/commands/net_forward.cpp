@@ -87,11 +87,10 @@ struct PictureOptions {
                 "(default 1)",
                 &scale)
         .positive();
-    options.choice<bool>(
-        "channels", {{"bgr", false}, {"rgb", true}},
-        "order of the channels of pictures and of --mean, which is not reordered (default bgr, "
-        "Caffe's)",
-        &rgb);
+    options.choice<bool>("channels", {{"bgr", false}, {"rgb", true}},
+                         "order of the channels of pictures and of --mean, which is not reordered "
+                         "(default bgr, Caffe's)",
+                         &rgb);
 #endif
   }
 
@@ -116,8 +115,7 @@ constexpr bool kReadsPictures = true;
 constexpr const char* kPictureExamples =
     "  revisit net forward net.prototxt net.caffemodel --input cat.jpg --mean mean.npy --labels "
     "words.txt\n"
-    "  revisit net forward net.prototxt net.caffemodel --input cat.jpg --mean 104,117,123 -o "
-    "out\n";
+    "  revisit net forward net.prototxt net.caffemodel --input cat.jpg --mean 104,117,123 -o out\n";
 #else
 constexpr bool kReadsPictures = false;
 constexpr const char* kPictureExamples = "";
@@ -170,17 +168,16 @@ struct ForwardOptions {
     net.declare(options);
     options.group("Arrays:");
     options.option("input", "[BLOB=]FILE",
-                   kReadsPictures
-                       ? "repeatable: .npy array (float32 or float64); or PNG or JPEG for an input "
-                         "of 3 channels or 1 (gray), resized to its rows and columns, several as a "
-                         "batch; EXIF rotation is ignored"
-                       : ".npy array for an input (float32 or float64), repeatable",
+                   kReadsPictures ? "repeatable: .npy array (float32 or float64); or PNG or JPEG "
+                                    "for an input of 3 channels or 1 (gray), resized to its rows "
+                                    "and columns, several as a batch; EXIF rotation is ignored"
+                                  : ".npy array for an input (float32 or float64), repeatable",
                    &inputs, 'i');
-    options.option("mean", "[BLOB=]M,M,M|M|FILE",
-                   "mean to subtract from an input: numbers per channel, one for all, or a "
-                   ".binaryproto or .npy file with "
-                   "an image (cropped to its center) or a value per channel (default: none)",
-                   &means);
+    options.option(
+        "mean", "[BLOB=]M,M,M|M|FILE",
+        "mean to subtract from an input: numbers per channel, one for all, or a .binaryproto or "
+        ".npy file with an image (cropped to its center) or a value per channel (default: none)",
+        &means);
     options.option("output", "DIR", "folder of the outputs", &directory, 'o');
     options
         .option("labels", "FILE",

@@ -3,6 +3,7 @@
 #include <iostream>
 #include <map>
 
+#include "cli/net_arrays.h"
 #include "cli/net_options.h"
 #include "cli/terminal.h"
 #include "net_commands.h"
@@ -54,21 +55,6 @@ struct OutputError {
   bool is_probability;
 };
 
-/// max|a - b| / max|b|, or max|a - b| if `absolute`; infinity if NaNs or infinities differ.
-double error_of(std::span<const float> found, std::span<const float> wanted, bool absolute) {
-  if (found.size() != wanted.size()) return INFINITY;
-  double worst = 0, largest = 0;
-  for (size_t i = 0; i < found.size(); ++i) {
-    if (std::isfinite(found[i]) && std::isfinite(wanted[i])) {
-      worst = std::max(worst, std::abs(static_cast<double>(found[i]) - wanted[i]));
-      largest = std::max(largest, std::abs(static_cast<double>(wanted[i])));
-    } else if (!(std::isnan(found[i]) && std::isnan(wanted[i])) && found[i] != wanted[i]) {
-      return INFINITY;
-    }
-  }
-  return largest > 0 && !absolute ? worst / largest : worst;
-}
-
 double default_tolerance(const engine::Plan& plan, engine::Precision precision) {
   if (precision == engine::Precision::kBf16) return 5e-2;
   const bool winograd = std::ranges::any_of(plan.layers(), &engine::LayerCost::winograd);
@@ -87,7 +73,7 @@ OutputError compare_output(const engine::Run& run, const std::string& name, cons
                            const engine::View<const float>& found) {
     const bool is_probability = layers[layer].type == "Softmax";
     const double error = found.shape.axes() == wanted.shape
-                             ? error_of(found.values(), wanted.data, is_probability)
+                             ? relative_error(found.values(), wanted.data, is_probability)
                              : INFINITY;
     return OutputError{layer, shown, error, is_probability};
   };
@@ -112,8 +98,9 @@ double largest_error(const engine::Run& a, const engine::Run& b) {
   for (const engine::LayerCost& layer : a.plan().layers())
     for (size_t port = 0; port < layer.outputs.size(); ++port) {
       const std::string name = proto::port_name(layer.name, port);
-      worst = std::max(worst, error_of(a.layer_output(name).values(), b.layer_output(name).values(),
-                                       layer.type == "Softmax"));
+      worst =
+          std::max(worst, relative_error(a.layer_output(name).values(),
+                                         b.layer_output(name).values(), layer.type == "Softmax"));
     }
   return worst;
 }

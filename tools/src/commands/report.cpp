@@ -58,8 +58,7 @@ struct ReportOptions {
     options
         .option("follow", "SECONDS",
                 "update of the page whenever a file of loops grows, until none grows for this "
-                "time; the browser "
-                "reloads it",
+                "time; the browser reloads it",
                 &follow)
         .positive();
     options.flag("force", "replacement of files that are not reports", &force);
@@ -102,22 +101,20 @@ int run_report(ReportOptions& o, const Options& options) {
 }  // namespace
 
 Command report_command() {
-  return {
-      "report", "one HTML file of runs, loops and matches; mean and deviation",
-      "Writes one HTML file, usable offline, from folders of `revisit eval`: interactive "
-      "precision-recall curves, maps, range images of selected queries, perturbed queries, times, "
-      "and the command for each number. Figures can be saved as pictures. Prints mean and sample "
-      "standard deviation of the metrics of runs with the same settings, such as the seeds of a "
-      "simulated drive. Of files of `revisit loops --all --format jsonl` it shows the map of "
-      "loops, "
-      "also while the file grows; of .csv files of your own matches (columns score and correct; "
-      "perhaps positive and ignored) curve and metrics.",
-      "  revisit report results/town_05/latest -o report.html\n"
-      "  revisit report results/town*/latest                  # a table of mean and deviation\n"
-      "  revisit report results/paper -o report.html          # all experiments below\n"
-      "  revisit report rings.csv scan_context.csv            # your own matches\n"
-      "  revisit report loops.jsonl --follow 10 -o loops.html\n",
-      with_options<ReportOptions>(run_report)};
+  return {"report", "one HTML file of runs, loops and matches; mean and deviation",
+          "Writes one HTML file, usable offline, from folders of `revisit eval`: interactive "
+          "precision-recall curves, maps, range images of selected queries, perturbed queries, "
+          "times, and the command for each number. Figures can be saved as pictures. Prints mean "
+          "and sample standard deviation of the metrics of runs with the same settings, such as "
+          "the seeds of a simulated drive. Of files of `revisit loops --all --format jsonl` it "
+          "shows the map of loops, also while the file grows; of .csv files of your own matches "
+          "(columns score and correct; perhaps positive and ignored) curve and metrics.",
+          "  revisit report results/town_05/latest -o report.html\n"
+          "  revisit report results/town*/latest                  # a table of mean and deviation\n"
+          "  revisit report results/paper -o report.html          # all experiments below\n"
+          "  revisit report rings.csv scan_context.csv            # your own matches\n"
+          "  revisit report loops.jsonl --follow 10 -o loops.html\n",
+          with_options<ReportOptions>(run_report)};
 }
 
 }  // namespace revisit::cli

@@ -37,21 +37,18 @@ void TrainOptions::declare(Options& options) {
       .option("weights", "W", "caffemodel", &weights)
       .option("layers", "LAYER=N[,...]",
               "layers whose azimuth columns are features, in the net's order, and the dimensions "
-              "kept of each "
-              "(default pool1=64)",
+              "kept of each (default pool1=64)",
               &layers)
       .group("Training:")
-      .choice<RingSupervision>(
-          "from",
-          {{"loops", RingSupervision::kLoops},
-           {"odometry", RingSupervision::kOdometry},
-           {"sequence", RingSupervision::kSequence},
-           {"scans", RingSupervision::kScans}},
-          "source of scan pairs of one place: loops (poses of a drive with revisits), odometry "
-          "(poses; "
-          "scans near in space and time), sequence (each scan and the next), scans (none) (default "
-          "loops)",
-          &learn.supervision)
+      .choice<RingSupervision>("from",
+                               {{"loops", RingSupervision::kLoops},
+                                {"odometry", RingSupervision::kOdometry},
+                                {"sequence", RingSupervision::kSequence},
+                                {"scans", RingSupervision::kScans}},
+                               "source of scan pairs of one place: loops (poses of a drive with "
+                               "revisits), odometry (poses; scans near in space and time), "
+                               "sequence (each scan and the next), scans (none) (default loops)",
+                               &learn.supervision)
       .option("radius", "METERS", "maximum distance of scans of one place (default 5)",
               &learn.radius)
       .positive()
@@ -120,9 +117,7 @@ Command train_command() {
       "train", "train a ring model on drives",
       "Trains a ring model on drives of one sensor: the features that scans of one place share. "
       "DATA is a KITTI sequence, a folder of scans, a recording, or output of `revisit simulate`. "
-      "The "
-      "model is "
-      "one file, for --ring FILE.",
+      "The model is one file, for --ring FILE.",
       "  revisit train town -o town.ring --model squeezenet.prototxt --layers pool1=32,pool4=32\n"
       "  revisit train scans/ -o scans.ring --model net/ --from sequence   # no poses needed\n",
       with_options<TrainOptions>(train)};

@@ -6,7 +6,6 @@
 #include <iostream>
 
 #include "cli/shell.h"
-#include "eval/evaluation.h"
 #include "eval/plan.h"
 #include "loops/recording.h"
 #include "revisit/base/error.h"

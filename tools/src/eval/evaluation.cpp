@@ -302,13 +302,9 @@ FinishedEvaluation evaluate_driving(const EvalOptions& options) {
   make_folder(given.output);  // first, because the evaluation may take hours
   EvaluationResult result =
       DrivingOrder(given.truth.poses.scans_of(dataset), trajectory, described, how).run();
-  FeatureSource source;
-  source.align = described.options.align;
-  source.extractor = std::move(described.extractor);
-  source.model = std::move(described.model);
-  source.components = described.components;
+  described.align = described.options.align;
   return write_run_folder(given, dataset, std::move(result), std::move(trajectory),
-                          std::move(source), dataset_key(dataset));
+                          std::move(described), dataset_key(dataset));
 }
 
 void need_others(const Dataset& drive, const Dataset& others, const std::string& folder) {

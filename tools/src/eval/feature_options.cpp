@@ -66,16 +66,14 @@ void FeatureOptions::declare_describing(Options& options, Scans scans) {
     options
         .option("mount", "R,P,Y,X,Y,Z",
                 "roll, pitch, yaw [deg] and shift [m] that take points to x forward, y left, z up, "
-                "e.g. "
-                "180,0,0,0,0,0 for a sensor upside down (default: none)",
+                "e.g. 180,0,0,0,0,0 for a sensor upside down (default: none)",
                 &mount)
         .common();
   options.group("Feature:");
   options
       .option("feature", "NAME",
               std::string("ring (ring descriptors), cnn (output of a layer), data (the range "
-                          "image), vfh, esf, grsd, "
-                          "scan-context, m2dp") +
+                          "image), vfh, esf, grsd, scan-context, m2dp") +
                   (of_drives ? ", fabmap (camera images)" : "") + " (default " + feature +
                   ", or cnn with --model, --end or --mean)",
               &feature)
@@ -83,11 +81,10 @@ void FeatureOptions::declare_describing(Options& options, Scans scans) {
       .common(of_drives);
   declare_cnn(options, of_drives);
   if (of_drives)
-    options.option(
-        "align", "none|case1|case2",
-        "alignment of scans to their principal directions (default case1 for cnn and data, "
-        "else none)",
-        &align);
+    options.option("align", "none|case1|case2",
+                   "alignment of scans to their principal directions (default case1 for cnn and "
+                   "data, else none)",
+                   &align);
   declare_ring(options, scans);
   if (of_drives) declare_baselines(options);
   declare_running(options, of_drives);
@@ -108,17 +105,16 @@ void FeatureOptions::declare_cnn(Options& options, bool of_drives) {
   options.option("weights", "W", "cnn and ring: caffemodel (default: the model's)", &weights)
       .of_features("cnn ring");
   options
-      .option("end", "LAYER[+LAYER]",
-              "cnn: layer of the feature, e.g. conv3; conv3+pool5 appends a copy of the pooling "
-              "layer",
-              &end)
+      .option(
+          "end", "LAYER[+LAYER]",
+          "cnn: layer of the feature, e.g. conv3; conv3+pool5 appends a copy of the pooling layer",
+          &end)
       .of_features("cnn")
       .common(of_drives);
   options
       .option("mean", "B,G,R|M|FILE",
-              "cnn: channel means to subtract, as numbers (one for all channels) or a "
-              ".binaryproto or .npy file "
-              "(default: the model's)",
+              "cnn: channel means to subtract, as numbers (one for all channels) or a .binaryproto "
+              "or .npy file (default: the model's)",
               &mean_bgr)
       .of_features("cnn");
 }
@@ -147,12 +143,11 @@ void FeatureOptions::declare_ring(Options& options, Scans scans) {
 void FeatureOptions::declare_baselines(Options& options) {
   options.group("Baselines:");
   options
-      .option(
-          "images", "DIR[,DIR]",
-          "fabmap: PNG images named by frame number (default: image_0 of the sequence); then "
-          "images of other places, which train the vocabulary and the likelihood of a new place "
-          "(default: the drive's images, and a mean field)",
-          &images)
+      .option("images", "DIR[,DIR]",
+              "fabmap: PNG images named by frame number (default: image_0 of the sequence); then "
+              "images of other places, which train the vocabulary and the likelihood of a new "
+              "place (default: the drive's images, and a mean field)",
+              &images)
       .of_features("fabmap");
 }
 
@@ -175,8 +170,7 @@ void FeatureOptions::declare_running(Options& options, bool of_drives) {
     declare_precision(options, &precision);
     options.option("cache", "DIR",
                    "folder of features and descriptors, regenerated if it is removed (default: "
-                   "OUTPUT/features, "
-                   "features only)",
+                   "OUTPUT/features, features only)",
                    &cache);
   }
 }

@@ -88,9 +88,6 @@ struct FeatureSource {
   int64_t components = -1;  // of the PCA; 0: all; -1: no PCA
 };
 
-/// "cosine", or "similarity" if the feature has a similarity of its own.
-std::string similarity_name(const FeatureSource& source);
-
 /// FAB-MAP trains its vocabulary into `folder`. Prints a note for an untrained network. Throws
 /// UsageError if options do not fit the feature.
 FeatureSource open_feature(const FeatureOptions& options, const Dataset& dataset,

@@ -145,11 +145,10 @@ Dataset spooled_recording(const FeatureOptions& options, bool needs_poses) {
   };
   Dataset dataset = spooled(scans);
   if (needs_poses && !dataset.has_poses())
-    throw InputError(
-        options.data.string(), ": ", std::ssize(dataset.scans) - dataset.n_poses, " of ",
-        dataset.scans.size(),
-        " scans have no pose; give a drive that has poses (bags and packets have none), or "
-        "--poses where the command has it");
+    throw InputError(options.data.string(), ": ", std::ssize(dataset.scans) - dataset.n_poses,
+                     " of ", dataset.scans.size(),
+                     " scans have no pose; give a drive that has poses (bags and packets have "
+                     "none), or --poses where the command has it");
   return dataset;
 }
 
@@ -234,10 +233,6 @@ FeatureSource open_feature(const FeatureOptions& options, const Dataset& dataset
   source.align = align_for(options, source);
   source.components = components_for(options, source);
   return source;
-}
-
-std::string similarity_name(const FeatureSource& source) {
-  return source.extractor.comparison.similarity ? "similarity" : "cosine";
 }
 
 /// some_scans() in the frame of --mount.

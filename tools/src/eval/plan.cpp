@@ -15,7 +15,6 @@
 #include "paper_plan.h"
 #include "revisit/base/files.h"
 #include "revisit/base/hash.h"
-#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

@@ -8,7 +8,6 @@
 #include "cli/options.h"
 #include "cli/terminal.h"
 #include "revisit/base/error.h"
-#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

@@ -89,23 +89,21 @@ MapSource map_source(FeatureOptions& options, const Dataset& some, const fs::pat
   if (options.feature == "fabmap")
     throw UsageError(
         "--feature fabmap: needs all camera images of a drive at once; use `revisit eval "
-        "--protocol "
-        "online`");
+        "--protocol online`");
   warn_of_view(options, some);
   if (const std::string found = resolve_sensor(options, some, map);
       !found.empty() && !options.quiet)
     note("sensor: " + found);
   options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;
-  FeatureSource source = open_feature(options, some, "");
-  MapSource result{std::move(source.extractor), {}, std::move(source.model), source.components};
-  result.options.align = source.align;
+  MapSource result{open_feature(options, some, ""), {}};
+  result.options.align = result.align;
   result.options.geometry = options.image.geometry();
   if (!options.mount.empty()) result.options.mount = parse_mount(options.mount);
-  if (source.components < 0) return result;
+  if (result.components < 0) return result;
   const bool no_folder = options.fitted_on() == "all" || options.fitted_on() == "map";
   if (no_folder && warmup) {
     constexpr int64_t kAll = 400;
-    const int64_t components = source.components > 0 ? source.components : kAll;
+    const int64_t components = result.components > 0 ? result.components : kAll;
     result.options.warmup = *warmup;
     result.extractor.fit_projection = [enough = *warmup, components,
                                        threads = options.thread_count()](
@@ -115,13 +113,11 @@ MapSource map_source(FeatureOptions& options, const Dataset& some, const fs::pat
     return result;
   }
   if (no_folder)
-    throw UsageError(
-        "--feature ", options.feature,
-        ": needs an existing PCA; give the folder that `revisit eval --descriptors` wrote with "
-        "--pca, "
-        "or --pca none");
+    throw UsageError("--feature ", options.feature,
+                     ": needs an existing PCA; give the folder that `revisit eval --descriptors` "
+                     "wrote with --pca, or --pca none");
   result.extractor =
-      projected(result.extractor, result.options, options.fitted_on(), source.components);
+      projected(result.extractor, result.options, options.fitted_on(), result.components);
   result.options.align = AlignCase::kNone;  // done in the feature
   return result;
 }

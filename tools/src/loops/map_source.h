@@ -11,11 +11,8 @@
 
 namespace revisit::cli {
 
-struct MapSource {
-  FeatureExtractor extractor;
+struct MapSource : FeatureSource {
   MapOptions options;
-  std::optional<models::FoundModel> model = {};  // for a network
-  int64_t components = -1;                       // components of the PCA; -1: none
 };
 /// kOne: all cores work on one scan; kMany: each on its own.
 enum class ScansAtOnce { kOne, kMany };

@@ -4,7 +4,6 @@
 #include "cli/net_options.h"
 #include "cli/terminal.h"
 #include "models/models.h"
-#include "revisit/base/files.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 

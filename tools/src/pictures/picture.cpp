@@ -164,10 +164,9 @@ class Jpeg {
       orientation =
           exif_orientation({reinterpret_cast<const char*>(marker->data), marker->data_length});
     if (orientation != 1)
-      warnings->push_back(str("EXIF says that the picture is rotated or mirrored (orientation ",
-                              orientation,
-                              "): pixels are taken as stored, as OpenCV 2.4 did; OpenCV turns "
-                              "them since 3.1"));
+      warnings->push_back(
+          str("EXIF says that the picture is rotated or mirrored (orientation ", orientation,
+              "): pixels are taken as stored, as OpenCV 2.4 did; OpenCV turns them since 3.1"));
   }
   bool read_rows(Picture* picture) {
     if (setjmp(failure_.leave)) return false;

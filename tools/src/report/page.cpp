@@ -10,7 +10,6 @@
 #include "report_assets.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
-#include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 
 namespace revisit::cli {

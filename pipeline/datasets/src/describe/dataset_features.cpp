@@ -6,7 +6,6 @@
 #include "describe/write_features.h"
 #include "revisit/base/files.h"
 #include "revisit/base/hash.h"
-#include "revisit/base/text.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit {

@@ -1,12 +1,10 @@
 #include <algorithm>
 #include <ctime>
 #include <limits>
-#include <optional>
 
 #include "describe/in_order.h"
 #include "describe/write_features.h"
 #include "io/file_content.h"
-#include "revisit/base/text.h"
 #include "revisit/datasets/scan_file.h"
 
 namespace revisit {

@@ -4,7 +4,6 @@
 #include <iterator>
 #include <span>
 #include <string>
-#include <string_view>
 
 #include "io/file_content.h"
 #include "revisit/base/error.h"

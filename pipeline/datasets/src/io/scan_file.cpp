@@ -6,7 +6,6 @@
 #include <cctype>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
 #include <span>
 #include <vector>
 
@@ -137,25 +136,6 @@ void write_kitti_scan(const fs::path& file, const PointCloud& cloud) {
   write_atomically(file, [&](std::ostream& out) {
     out.write(reinterpret_cast<const char*>(cloud.points.data()),
               static_cast<std::streamsize>(cloud.points.size() * sizeof(Point)));
-  });
-}
-
-void write_pcd_scan(const fs::path& file, const PointCloud& cloud) {
-  if (cloud.times.size() != cloud.points.size())
-    throw UsageError(file.string(), ": expected a time for each of the ", cloud.points.size(),
-                     " points, found ", cloud.times.size());
-  char header[kPcdHeaderBytes + 1];
-  std::snprintf(header, sizeof header,
-                "VERSION 0.7\nFIELDS x y z intensity time\nSIZE 4 4 4 4 4\nTYPE F F F F F\n"
-                "COUNT 1 1 1 1 1\nWIDTH %10zu\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"
-                "POINTS %10zu\nDATA binary\n",
-                cloud.points.size(), cloud.points.size());
-  write_atomically(file, [&](std::ostream& out) {
-    out << header;
-    for (size_t i = 0; i < cloud.points.size(); ++i) {
-      out.write(reinterpret_cast<const char*>(&cloud.points[i]), sizeof(Point));
-      out.write(reinterpret_cast<const char*>(&cloud.times[i]), sizeof(float));
-    }
   });
 }
 

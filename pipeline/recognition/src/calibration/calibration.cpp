@@ -210,33 +210,6 @@ Calibration refined(const Calibration& before, std::span<const LabeledScore> mat
   return result;
 }
 
-double brier_score(const Calibration& calibration, std::span<const LabeledScore> matches) {
-  double sum = 0;
-  for (const LabeledScore& match : matches) {
-    const double error = calibration.probability(match.score) - (match.correct ? 1 : 0);
-    sum += error * error;
-  }
-  return sum / static_cast<double>(matches.size());
-}
-
-std::vector<ReliabilityBin> reliability(const Calibration& calibration,
-                                        std::span<const LabeledScore> matches, int bins) {
-  std::vector<ReliabilityBin> table(static_cast<size_t>(bins));
-  for (const LabeledScore& match : matches) {
-    const double p = calibration.probability(match.score);
-    ReliabilityBin& bin = table[static_cast<size_t>(std::min(bins - 1.0, p * bins))];
-    bin.predicted += p;
-    bin.observed += match.correct ? 1 : 0;
-    ++bin.matches;
-  }
-  std::erase_if(table, [](const ReliabilityBin& bin) { return bin.matches == 0; });
-  for (ReliabilityBin& bin : table) {
-    bin.predicted /= static_cast<double>(bin.matches);
-    bin.observed /= static_cast<double>(bin.matches);
-  }
-  return table;
-}
-
 void fill(const Calibration& from, ring::Calibration& to) {
   to.set_k(from.k);
   to.set_score(name_of(from.score));

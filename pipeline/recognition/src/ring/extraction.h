@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "feature/image_plan.h"
-#include "revisit/recognition/feature.h"
 #include "revisit/recognition/point_cloud.h"
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/ring/model.h"

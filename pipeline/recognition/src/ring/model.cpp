@@ -171,8 +171,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
       "it is another kind of file, or truncated");
   reader.expect(whole.version() == kVersion,
                 str("it has format ", whole.version(), ", this program reads format ", kVersion,
-                    whole.version() < kVersion ? ": train it again and rebuild "
-                                                 "its maps"
+                    whole.version() < kVersion ? ": train it again and rebuild its maps"
                                                : ": update this program"));
   ring::Model from;
   reader.expect(

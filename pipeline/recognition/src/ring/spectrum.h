@@ -4,7 +4,6 @@
 #include <array>
 #include <vector>
 
-#include "revisit/recognition/ring/descriptor.h"
 #include "revisit/recognition/ring/model.h"
 
 namespace revisit {

@@ -67,8 +67,6 @@ NetFile parse_net(const std::string& text, const std::string& name,
 /// Reads a binary caffemodel completely, with weights, and upgrades it; keeps training layers.
 /// Throws InputError if the file is not a caffemodel or exceeds a limit.
 NetFile read_net_binary(const std::filesystem::path& file, const Limits& limits = {});
-NetFile parse_net_binary(std::string_view content, const std::string& name,
-                         const Limits& limits = {});
 
 /// Throws Error if protobuf cannot print the net.
 std::string net_text(const caffe::NetParameter& net);

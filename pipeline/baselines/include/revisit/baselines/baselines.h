@@ -3,8 +3,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <span>
-#include <string>
-#include <utility>
 #include <vector>
 
 #include "revisit/datasets/describe.h"
@@ -33,14 +31,9 @@ void scan_context(const PointCloud& cloud, const ScanContextOptions& options,
 /// Occupied fraction of each ring `[rings]` (eq. 7 of the paper); invariant to yaw.
 std::vector<float> ring_key(std::span<const float> context, const ScanContextOptions& options);
 
-/// Minimum distance over all column shifts (eq. 5, 6), and the shift: columns by which the first is
-/// shifted to the left. The distance is one minus the mean cosine of the columns occupied in both:
-/// 0 (equal) to 2; 1 if no two occupied columns coincide. On a tie, the lowest shift.
-std::pair<double, int> context_distance(std::span<const float> a, std::span<const float> b,
-                                        const ScanContextOptions& options);
-
-/// Compared by 1 - distance; candidates that the ring keys exclude have similarity -1. Throws
-/// UsageError for invalid options.
+/// Compared by 1 - the minimum distance over all column shifts (eq. 5, 6): one minus the mean
+/// cosine of the columns occupied in both, 0 (equal) to 2; 1 if no two occupied columns coincide.
+/// Candidates that the ring keys exclude have similarity -1. Throws UsageError for invalid options.
 FeatureExtractor scan_context_features(const ScanContextOptions& options = {});
 
 /// M2DP (L. He, X. Wang, H. Zhang: M2DP: A Novel 3D Point Cloud Descriptor and Its Application in

@@ -30,12 +30,6 @@ bool is_scan_file_name(const std::filesystem::path& file);
 /// Writes KITTI's .bin atomically. Throws Error on failure.
 void write_kitti_scan(const std::filesystem::path& file, const PointCloud& cloud);
 
-/// Writes binary PCD atomically, with `cloud.times`, one per point, as the field `time`. The header
-/// has kPcdHeaderBytes, a point kPcdPointBytes. Throws Error on failure, UsageError unless each
-/// point has a time.
-void write_pcd_scan(const std::filesystem::path& file, const PointCloud& cloud);
-constexpr size_t kPcdHeaderBytes = 166, kPcdPointBytes = sizeof(Point) + sizeof(float);
-
 /// Time [s] in a name: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 digits (microseconds) or 19 digits
 /// (nanoseconds). Returns nothing for other names, such as frame numbers.
 std::optional<double> time_in_name(const std::filesystem::path& file);

@@ -63,18 +63,6 @@ Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> d
 /// what isotonic_calibration() and probability() throw.
 Calibration refined(const Calibration& before, std::span<const LabeledScore> matches);
 
-/// Mean of (p - correct)^2 over matches (Brier, 1950); 0 is best.
-double brier_score(const Calibration& calibration, std::span<const LabeledScore> matches);
-
-struct ReliabilityBin {
-  double predicted = 0;  // mean probability
-  double observed = 0;   // fraction of correct matches
-  int64_t matches = 0;
-};
-/// Computes the non-empty bins of [0, 1], of equal width.
-std::vector<ReliabilityBin> reliability(const Calibration& calibration,
-                                        std::span<const LabeledScore> matches, int bins = 10);
-
 /// parse_calibration() throws InputError with `name` and the defect.
 std::string calibration_content(const Calibration& calibration);
 Calibration parse_calibration(std::string_view content, const std::string& name);
