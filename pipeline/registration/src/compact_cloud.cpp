@@ -12,41 +12,40 @@
 #include "revisit/base/error.h"
 #include "revisit/registration/registration.h"
 
-// Format: mount, 12 float64 [3][4]; number of points; then deflated bytes, axis by axis:
-// differences of the cells of consecutive points, then the steps within the cells, 0 to 15. Points
-// are sorted by cells of 16 steps, so that the differences are small.
+// Format: mount, 12 float64 [3][4]; number of points; then deflated planes, a byte per point each:
+// differences of the cells of 16 steps of consecutive points, for x, y and z, then the steps within
+// the cells. Points are sorted by cells.
 namespace revisit {
 namespace {
 
-constexpr double kVoxel = 0.4, kRange = 60;  // [m]
+constexpr double kVoxel = 0.4, kRange = 60;  // [m]; the voxel of scans with few points
+constexpr size_t kMaxPoints = 12'000;        // 24 kB; of more points, the voxels are larger
 constexpr float kStepsPerMeter = 32;
 constexpr int kOffset = 2048;  // [steps], so that coordinates are positive: 12 bits
 static_assert(kRange * kStepsPerMeter < kOffset);
-constexpr uint32_t kMaxPoints = 1 << 20;
 constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
 
 using MountNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 constexpr size_t kMountBytes = sizeof(MountNumbers), kHeadBytes = kMountBytes + sizeof(uint32_t);
 
-constexpr int kPlanes = 6;  // of one byte per point
+/// Of a point: cells along x, y and z, then the steps within them.
+using Key = std::array<uint8_t, 6>;
 
-size_t bytes_of(size_t points) {
-  return points * kPlanes;
-}
-
-/// The cells of a point, 8 bits each (x, y, z), then its steps within them, 4 bits each. Sorted.
-std::vector<uint64_t> sorted_keys(const std::vector<Eigen::Vector3f>& points) {
-  std::vector<uint64_t> keys;
-  keys.reserve(points.size());
-  for (const Eigen::Vector3f& point : points) {
-    uint64_t cells = 0, steps = 0;
-    for (const float x : point) {
-      const auto step = static_cast<uint16_t>(std::lround(x * kStepsPerMeter) + kOffset);
-      cells = cells << 8 | step >> 4;
-      steps = steps << 4 | (step & 15);
-    }
-    keys.push_back(cells << 12 | steps);
+std::vector<Key> sorted_keys(const PointCloud& cloud) {
+  std::vector<Eigen::Vector3f> points = thinned(cloud, kVoxel, kRange);
+  int unit = 1;  // coordinates are rounded to multiples of it [steps]
+  for (double voxel = kVoxel; points.size() > kMaxPoints; unit = 2) {
+    voxel *= std::sqrt(1.05 * static_cast<double>(points.size()) / kMaxPoints);  // of surfaces
+    points = thinned(cloud, voxel, kRange);
   }
+  const float per_meter = kStepsPerMeter / static_cast<float>(unit);
+  std::vector<Key> keys(points.size());
+  for (size_t i = 0; i < keys.size(); ++i)
+    for (size_t axis = 0; axis < 3; ++axis) {
+      const auto step = unit * std::lround(points[i][static_cast<int>(axis)] * per_meter) + kOffset;
+      keys[i][axis] = static_cast<uint8_t>(step / 16);
+      keys[i][axis + 3] = static_cast<uint8_t>(step % 16);
+    }
   std::ranges::sort(keys);
   return keys;
 }
@@ -61,34 +60,27 @@ PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range) {
 }
 
 std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& mount) {
-  const std::vector<uint64_t> keys = sorted_keys(thinned(cloud, kVoxel, kRange));
-  const size_t n = std::min<size_t>(keys.size(), kMaxPoints);
-  std::vector<uint8_t> bytes(bytes_of(n));
-  for (int axis = 0; axis < 3; ++axis) {
-    uint8_t last = 0;
+  const std::vector<Key> keys = sorted_keys(cloud);
+  const size_t n = keys.size();
+  std::vector<uint8_t> bytes(n * sizeof(Key));
+  for (size_t plane = 0; plane < sizeof(Key); ++plane)
     for (size_t i = 0; i < n; ++i) {
-      const auto cell = static_cast<uint8_t>(keys[i] >> (28 - 8 * axis));
-      const size_t at = static_cast<size_t>(2 * axis) * n + i;
-      bytes[at] = static_cast<uint8_t>(cell - last);
-      bytes[at + n] = static_cast<uint8_t>(keys[i] >> (8 - 4 * axis) & 15);
-      last = cell;
+      const int last = plane < 3 && i > 0 ? keys[i - 1][plane] : 0;
+      bytes[plane * n + i] = static_cast<uint8_t>(keys[i][plane] - last);
     }
-  }
-  const uLong most = compressBound(bytes.size()) + 8 * kPlanes;  // of a few points: ends of blocks
-  std::string result(kHeadBytes + most, '\0');
   z_stream stream{};
   // Bytes repeat, sequences do not: Huffman coding with runs is smaller and faster than others.
-  constexpr int kDefaultMemory = 8;
-  if (deflateInit2(&stream, Z_BEST_SPEED, Z_DEFLATED, MAX_WBITS, kDefaultMemory, Z_RLE) != Z_OK)
+  // Blocks of 2048 bytes have codes of their own, as each plane needs.
+  constexpr int kMemory = 5;
+  if (deflateInit2(&stream, Z_BEST_SPEED, Z_DEFLATED, MAX_WBITS, kMemory, Z_RLE) != Z_OK)
     throw std::bad_alloc();
+  const uLong most = deflateBound(&stream, bytes.size());
+  std::string result(kHeadBytes + most, '\0');
   stream.next_in = bytes.data();
+  stream.avail_in = static_cast<uInt>(bytes.size());
   stream.next_out = reinterpret_cast<Bytef*>(&result[kHeadBytes]);
   stream.avail_out = static_cast<uInt>(most);
-  int state = Z_OK;
-  for (int plane = 0; plane < kPlanes; ++plane) {  // each with Huffman codes of its own
-    stream.avail_in = static_cast<uInt>(n);
-    state = deflate(&stream, plane + 1 < kPlanes ? Z_BLOCK : Z_FINISH);
-  }
+  const int state = deflate(&stream, Z_FINISH);
   result.resize(kHeadBytes + stream.total_out);
   deflateEnd(&stream);
   if (state != Z_STREAM_END) throw std::bad_alloc();
@@ -106,7 +98,7 @@ std::pair<PointCloud, Eigen::Isometry3d> expand_cloud(std::string_view bytes) {
     std::memcpy(mount.data(), bytes.data(), kMountBytes);
     std::memcpy(&n, &bytes[kMountBytes], sizeof(n));
   }
-  std::vector<uint8_t> planes(bytes_of(n <= kMaxPoints ? n : 0));
+  std::vector<uint8_t> planes(n <= kMaxPoints ? n * sizeof(Key) : 0);
   uLongf size = planes.size();
   if (bytes.size() < kHeadBytes || n > kMaxPoints || !mount.leftCols<3>().isUnitary(1e-6) ||
       !mount.allFinite() ||
@@ -122,9 +114,8 @@ std::pair<PointCloud, Eigen::Isometry3d> expand_cloud(std::string_view bytes) {
   for (size_t axis = 0; axis < 3; ++axis) {
     uint8_t cell = 0;
     for (size_t i = 0; i < n; ++i) {
-      const size_t at = 2 * axis * n + i;
-      cell = static_cast<uint8_t>(cell + planes[at]);
-      const int step = 16 * cell + planes[at + n] - kOffset;
+      cell = static_cast<uint8_t>(cell + planes[axis * n + i]);
+      const int step = 16 * cell + planes[(axis + 3) * n + i] - kOffset;
       cloud.points[i].*kAxes[axis] = static_cast<float>(step) / kStepsPerMeter;
     }
   }

@@ -80,6 +80,9 @@ TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
     cloud.points.resize(n);
     EXPECT_EQ(expand_cloud(compact_cloud(cloud)).first.points.size(), n);
   }
+  for (float i = 0; i < 90'000; ++i)
+    cloud.points.push_back({std::fmod(i, 73.0F) - 36, std::fmod(i / 73, 37.0F), i / 3000, 0});
+  EXPECT_LT(compact_cloud(cloud).size(), 25'000);
   std::string wrong = bytes;
   for (const std::string& damaged :
        {std::string(), bytes.substr(0, 3), bytes.substr(0, bytes.size() - 1),
