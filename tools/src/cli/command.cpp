@@ -88,6 +88,13 @@ int run_one(const Command& command, const std::string& path, const Arguments& ar
   return kFailed;
 }
 
+/// Ends the process before the exit handlers of libraries, because OpenBLAS's may wait forever for
+/// threads that wait for memory (`ulimit -v`).
+[[maybe_unused]] void end_at_once(int code, void* /*unused*/) {
+  std::fflush(nullptr);
+  std::_Exit(code);
+}
+
 }  // namespace
 
 const std::vector<std::pair<ExitCode, const char*>>& exit_codes() {
@@ -154,17 +161,6 @@ void for_each_command(
   use(command, options);
   for (const Command& below : command.below) for_each_command(below, path + " " + below.name, use);
 }
-
-namespace {
-
-/// Ends the process before the exit handlers of libraries, because OpenBLAS's may wait forever for
-/// threads that wait for memory (`ulimit -v`).
-[[maybe_unused]] void end_at_once(int code, void* /*unused*/) {
-  std::fflush(nullptr);
-  std::_Exit(code);
-}
-
-}  // namespace
 
 int run_main(const std::string& program, int argc, char** argv,
              const std::function<int(const Arguments&)>& run) {

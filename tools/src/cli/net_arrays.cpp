@@ -45,6 +45,26 @@ Mean read_mean(const std::filesystem::path& file) {
   return mean;
 }
 
+struct Planes {
+  int64_t n, c, pixels;
+  const float* data;
+
+  explicit Planes(const proto::Blob& array)
+      : n(array.shape[0]),
+        c(array.shape[1]),
+        pixels(array.shape[2] * array.shape[3]),
+        data(array.data.data()) {}
+  const float* plane(int64_t image, int64_t channel) const {
+    return data + (image * c + channel) * pixels;
+  }
+};
+
+constexpr size_t kMaxShown = 5;
+
+int64_t values_per_picture(const engine::Shape& output) {
+  return output.rank() < 2 ? output.elements() : output.product(1, output.rank());
+}
+
 }  // namespace
 
 Mean parse_mean_option(const std::string& option, const std::string& text) {
@@ -91,24 +111,6 @@ void subtract(const Mean& mean, const engine::Shape& shape, float* values) {
   }
 }
 
-namespace {
-
-struct Planes {
-  int64_t n, c, pixels;
-  const float* data;
-
-  explicit Planes(const proto::Blob& array)
-      : n(array.shape[0]),
-        c(array.shape[1]),
-        pixels(array.shape[2] * array.shape[3]),
-        data(array.data.data()) {}
-  const float* plane(int64_t image, int64_t channel) const {
-    return data + (image * c + channel) * pixels;
-  }
-};
-
-}  // namespace
-
 std::vector<float> channel_offsets(const proto::Blob& array, const std::string& what) {
   if (array.shape.size() != 4 || array.data.empty())
     throw InputError(what, ": --single-channel needs an array n x c x h x w");
@@ -144,16 +146,6 @@ std::vector<float> first_channels(const proto::Blob& array) {
     pictures.insert(pictures.end(), planes.plane(n, 0), planes.plane(n, 0) + planes.pixels);
   return pictures;
 }
-
-namespace {
-
-constexpr size_t kMaxShown = 5;
-
-int64_t values_per_picture(const engine::Shape& output) {
-  return output.rank() < 2 ? output.elements() : output.product(1, output.rank());
-}
-
-}  // namespace
 
 std::vector<std::string> read_labels(const std::filesystem::path& file) {
   std::vector<std::string> labels;

@@ -28,22 +28,6 @@ bool looks_numeric(const std::string& cell) {
   return !cell.empty() && cell.find_first_not_of("0123456789.+-eE%x") == std::string::npos;
 }
 
-}  // namespace
-
-void note(const std::string& message) {
-  std::cerr << "note: " << message << "\n";
-}
-
-void warn(const std::string& message) {
-  std::cerr << "warning: " << message << "\n";
-}
-
-void warn_skipped(const std::string& why) {
-  warn(why + "; the scan is skipped");
-}
-
-namespace {
-
 /// Bytes of the UTF-8 character that starts with `first`; 0 if none does.
 size_t length_of(unsigned char first) {
   if (first < 0x80) return 1;
@@ -96,7 +80,32 @@ std::string printable_but(std::string_view text, std::string_view kept) {
   return result;
 }
 
+size_t terminal_columns() {
+  winsize size{};
+  return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
+}
+
+volatile std::sig_atomic_t g_interrupted = 0;
+
+void on_signal(int) {
+  g_interrupted = 1;
+  std::signal(SIGINT, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);
+}
+
 }  // namespace
+
+void note(const std::string& message) {
+  std::cerr << "note: " << message << "\n";
+}
+
+void warn(const std::string& message) {
+  std::cerr << "warning: " << message << "\n";
+}
+
+void warn_skipped(const std::string& why) {
+  warn(why + "; the scan is skipped");
+}
 
 std::string printable(std::string_view text) {
   return printable_but(text, "");
@@ -160,15 +169,6 @@ PrintableStream::~PrintableStream() {
   stream_.rdbuf(before_);
 }
 
-namespace {
-
-size_t terminal_columns() {
-  winsize size{};
-  return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
-}
-
-}  // namespace
-
 std::string redrawn(const std::string& line, size_t before, size_t columns, bool dumb) {
   // The last column stays free, because some terminals wrap after it.
   const std::string shown = columns > 1 ? line.substr(0, columns - 1) : line;
@@ -208,18 +208,6 @@ void Progress::update(int64_t done, int64_t total) {
   width_ = columns > 1 ? std::min(line.size(), columns - 1) : line.size();
   std::fflush(stderr);
 }
-
-namespace {
-
-volatile std::sig_atomic_t g_interrupted = 0;
-
-void on_signal(int) {
-  g_interrupted = 1;
-  std::signal(SIGINT, SIG_DFL);
-  std::signal(SIGTERM, SIG_DFL);
-}
-
-}  // namespace
 
 void watch_for_interrupt() {
   struct sigaction action {};

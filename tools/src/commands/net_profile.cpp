@@ -56,48 +56,6 @@ void need_same(const fs::path& file, const char* what, const List& before, const
                        " is ", at(before, i), " there, ", at(now, i), " here");
 }
 
-}  // namespace
-
-reports::NetReport read_profile(const fs::path& file) {
-  reports::NetReport report;
-  read_report(file, &report);
-  if (!report.has_total_ms() || !report.has_limits() || !report.total_ms().has_low() ||
-      report.limits().bandwidths().empty())
-    throw InputError(file.string() +
-                     ": not what this version of `revisit net profile --format json` writes");
-  if (report.passes() < profiling::kMinSamplesForInterval)
-    throw InputError(file.string(), ": a profile of ", report.passes(),
-                     " passes: expected at least ", profiling::kMinSamplesForInterval,
-                     " (--repeat)");
-  return report;
-}
-
-void need_same_net(const fs::path& file, const reports::NetReport& before,
-                   const reports::NetReport& now) {
-  need_same(file, "input", before.inputs(), now.inputs(), port_text);
-  need_same(file, "layer", before.layers(), now.layers(), layer_text);
-}
-
-reports::NetComparison compare_profiles(const fs::path& file, const reports::NetReport& before,
-                                        const reports::NetReport& now) {
-  reports::NetComparison comparison;
-  comparison.set_file(file.string());
-  comparison.set_threads(before.threads());
-  comparison.set_simd(before.simd());
-  comparison.set_precision(before.precision());
-  *comparison.mutable_limits() = before.limits();
-  for (int i = 0; i < now.layers_size(); ++i) {
-    reports::NetChange& change = *comparison.add_layers();
-    change = change_of(before.layers(i).ms(), now.layers(i).ms());
-    change.set_layer(now.layers(i).name());
-  }
-  *comparison.mutable_whole() = change_of(before.total_ms(), now.total_ms());
-  *comparison.mutable_layer_sum() = change_of(before.layer_sum_ms(), now.layer_sum_ms());
-  return comparison;
-}
-
-namespace {
-
 /// Fills with deterministic pixel values, because zeros or denormals would change the times.
 void fill_input(const engine::View<float>& input) {
   int64_t i = 0;
@@ -212,6 +170,44 @@ int run_profile(TimingOptions& o, const Options& options) {
 }
 
 }  // namespace
+
+reports::NetReport read_profile(const fs::path& file) {
+  reports::NetReport report;
+  read_report(file, &report);
+  if (!report.has_total_ms() || !report.has_limits() || !report.total_ms().has_low() ||
+      report.limits().bandwidths().empty())
+    throw InputError(file.string() +
+                     ": not what this version of `revisit net profile --format json` writes");
+  if (report.passes() < profiling::kMinSamplesForInterval)
+    throw InputError(file.string(), ": a profile of ", report.passes(),
+                     " passes: expected at least ", profiling::kMinSamplesForInterval,
+                     " (--repeat)");
+  return report;
+}
+
+void need_same_net(const fs::path& file, const reports::NetReport& before,
+                   const reports::NetReport& now) {
+  need_same(file, "input", before.inputs(), now.inputs(), port_text);
+  need_same(file, "layer", before.layers(), now.layers(), layer_text);
+}
+
+reports::NetComparison compare_profiles(const fs::path& file, const reports::NetReport& before,
+                                        const reports::NetReport& now) {
+  reports::NetComparison comparison;
+  comparison.set_file(file.string());
+  comparison.set_threads(before.threads());
+  comparison.set_simd(before.simd());
+  comparison.set_precision(before.precision());
+  *comparison.mutable_limits() = before.limits();
+  for (int i = 0; i < now.layers_size(); ++i) {
+    reports::NetChange& change = *comparison.add_layers();
+    change = change_of(before.layers(i).ms(), now.layers(i).ms());
+    change.set_layer(now.layers(i).name());
+  }
+  *comparison.mutable_whole() = change_of(before.total_ms(), now.total_ms());
+  *comparison.mutable_layer_sum() = change_of(before.layer_sum_ms(), now.layer_sum_ms());
+  return comparison;
+}
 
 Command net_profile_command() {
   return {"profile", "time of every layer and of the net",

@@ -179,12 +179,11 @@ void print_summary(const reports::NetReport& report) {
     std::cout << " (read " << mebi(report.weight_bytes_read()) << " of "
               << mebi(report.weight_file_bytes()) << " MiB)";
   std::cout << "\n";
-  for (const auto& port : report.inputs())
-    std::cout << "input  " << printable(port.name()) << "  " << shape_text(axes_of(port.shape()))
-              << "\n";
-  for (const auto& port : report.outputs())
-    std::cout << "output " << printable(port.name()) << "  " << shape_text(axes_of(port.shape()))
-              << "\n";
+  for (const auto& [what, ports] :
+       {std::pair("input  ", &report.inputs()), std::pair("output ", &report.outputs())})
+    for (const reports::NamedShape& port : *ports)
+      std::cout << what << printable(port.name()) << "  " << shape_text(axes_of(port.shape()))
+                << "\n";
   std::cout << number(report.parameters(), 0) << " parameters (" << mebi(report.weight_bytes())
             << " MiB), " << number(report.macs() / 1e9, 3) << " GMACs, one run takes "
             << mebi(report.arena_bytes()) << " MiB of activations and scratch\n"

@@ -187,6 +187,23 @@ reports::RunInfo run_info(const RunContext& context) {
   return info;
 }
 
+void set_loops(const AcceptedLoops& loops, reports::AcceptedLoops& out) {
+  out.set_threshold(loops.threshold);
+  out.set_correct(static_cast<int>(loops.correct));
+  out.set_ignored(static_cast<int>(loops.ignored));
+  out.set_incorrect(static_cast<int>(loops.incorrect));
+  if (loops.unlabeled > 0) out.set_unlabeled(static_cast<int>(loops.unlabeled));
+}
+
+void set_perturbed(const PerturbedFigures& figures, reports::Metrics& metrics) {
+  metrics.set_perturbation(text_of(figures.perturbation));
+  metrics.set_self(static_cast<int>(figures.self));
+  metrics.set_neighbor(static_cast<int>(figures.neighbor));
+  if (!std::isnan(figures.ratio_median)) metrics.set_ratio_median(figures.ratio_median);
+  if (!std::isnan(figures.ratio_min)) metrics.set_ratio_min(figures.ratio_min);
+  metrics.set_n_skipped_queries(static_cast<int>(figures.skipped));
+}
+
 }  // namespace
 
 reports::Run run_of(const RunContext& context) {
@@ -230,27 +247,6 @@ reports::Metrics metrics_report(const PrSummary& summary, const Task& task,
   set(&reports::Metrics::set_f1_max_threshold, summary.f1_max_threshold);
   return metrics;
 }
-
-namespace {
-
-void set_loops(const AcceptedLoops& loops, reports::AcceptedLoops& out) {
-  out.set_threshold(loops.threshold);
-  out.set_correct(static_cast<int>(loops.correct));
-  out.set_ignored(static_cast<int>(loops.ignored));
-  out.set_incorrect(static_cast<int>(loops.incorrect));
-  if (loops.unlabeled > 0) out.set_unlabeled(static_cast<int>(loops.unlabeled));
-}
-
-void set_perturbed(const PerturbedFigures& figures, reports::Metrics& metrics) {
-  metrics.set_perturbation(text_of(figures.perturbation));
-  metrics.set_self(static_cast<int>(figures.self));
-  metrics.set_neighbor(static_cast<int>(figures.neighbor));
-  if (!std::isnan(figures.ratio_median)) metrics.set_ratio_median(figures.ratio_median);
-  if (!std::isnan(figures.ratio_min)) metrics.set_ratio_min(figures.ratio_min);
-  metrics.set_n_skipped_queries(static_cast<int>(figures.skipped));
-}
-
-}  // namespace
 
 reports::Metrics metrics_of(const TaskResult& result, int resamples) {
   reports::Metrics metrics =

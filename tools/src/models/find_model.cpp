@@ -60,11 +60,9 @@ bool has_layers(const caffe::NetParameter& net, const std::string& cut) {
 
 /// Known model with the name of a network ("VGG_CNN_S"), or null.
 const KnownModel* namesake(const caffe::NetParameter& net) {
-  std::string name = net.name();
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const auto lower = [](unsigned char c) { return std::tolower(c); };
   for (const KnownModel& known : known_models())
-    if (name.find(known.name) != std::string::npos) return &known;
+    if (!std::ranges::search(net.name(), known.name, {}, lower, lower).empty()) return &known;
   return nullptr;
 }
 

@@ -69,84 +69,6 @@ std::vector<fs::path> files_of(const fs::path& folder, std::initializer_list<con
   return files;
 }
 
-}  // namespace
-
-std::string file_sha1(const fs::path& file) {
-  static std::mutex mutex;
-  static std::map<std::string, std::string> known;
-  const std::string state = state_of(file);
-  {
-    const std::scoped_lock lock(mutex);
-    if (const auto found = known.find(state); found != known.end()) return found->second;
-  }
-  const std::string sum = read_and_sum(file);
-  const std::scoped_lock lock(mutex);
-  if (state == state_of(file)) known[state] = sum;
-  return sum;
-}
-
-fs::path cache_folder() {
-  if (const fs::path models = environment_path("REVISIT_MODELS"); !models.empty()) return models;
-  // The XDG specification requires to ignore a relative path.
-  if (const fs::path xdg = environment_path("XDG_CACHE_HOME"); xdg.is_absolute())
-    return xdg / "revisit" / "models";
-  if (const fs::path home = environment_path("HOME"); !home.empty())
-    return home / ".cache" / "revisit" / "models";
-  throw UsageError("no folder for models, because HOME is not set; set REVISIT_MODELS");
-}
-
-const char* to_string(CacheState state) {
-  constexpr const char* kNames[] = {"absent", "partial", "unverified", "verified",
-                                    "wrong checksum"};  // in the order of the enumeration
-  return kNames[static_cast<size_t>(state)];
-}
-
-std::vector<fs::path> files_in(const fs::path& folder, std::initializer_list<const char*> endings,
-                               bool below) {
-  return below ? files_of<fs::recursive_directory_iterator>(folder, endings)
-               : files_of<fs::directory_iterator>(folder, endings);
-}
-
-std::optional<fs::path> cached_weights(const fs::path& cache, const KnownModel& model) {
-  std::error_code none;
-  if (const fs::path file = cached_file(cache, model);
-      ends_with_one_of(model.file, kWeights) && fs::is_regular_file(file, none))
-    return file;
-  const std::vector<fs::path> all = files_in(cache / model.name, kWeights);
-  return all.size() == 1 ? std::optional(all[0]) : std::nullopt;
-}
-
-std::map<std::string, fs::path> loose_weights(const fs::path& cache) {
-  std::map<std::string, fs::path> loose;
-  for (const fs::path& file : files_in(cache, kWeights)) loose.emplace(file_sha1(file), file);
-  return loose;
-}
-
-CacheEntry inspect(const fs::path& cache, const KnownModel& model,
-                   const std::map<std::string, fs::path>& loose) {
-  CacheEntry entry;
-  entry.file = cached_file(cache, model);
-  std::error_code none;
-  const auto found = loose.find(model.sha1);
-  if (const auto weights = cached_weights(cache, model); weights)
-    entry.file = *weights;
-  else if (!fs::is_regular_file(entry.file, none) && found != loose.end())
-    entry.file = found->second;
-  if (fs::is_regular_file(entry.file, none)) {
-    entry.size = fs::file_size(entry.file);
-    entry.sha1 = file_sha1(entry.file);
-    entry.state = !model.sha1.empty() && model.sha1 == entry.sha1 ? CacheState::kVerified
-                  : model.sha1.empty() || model.sha1_is_doubtful  ? CacheState::kUnverified
-                                                                  : CacheState::kIncorrect;
-  } else if (const fs::path part = entry.file.string() + ".part"; fs::exists(part, none)) {
-    entry.size = fs::file_size(part, none);
-    entry.state = CacheState::kPartial;
-  }
-  return entry;
-}
-
-namespace {
-
 /// Continues `part`. Returns curl's exit code; curl prints the reason of a failure.
 int run_curl(const std::string& address, const fs::path& part) {
   constexpr const char* kOptions =
@@ -238,6 +160,80 @@ bool can_be_fetched(const KnownModel& model) {
 }
 
 }  // namespace
+
+std::string file_sha1(const fs::path& file) {
+  static std::mutex mutex;
+  static std::map<std::string, std::string> known;
+  const std::string state = state_of(file);
+  {
+    const std::scoped_lock lock(mutex);
+    if (const auto found = known.find(state); found != known.end()) return found->second;
+  }
+  const std::string sum = read_and_sum(file);
+  const std::scoped_lock lock(mutex);
+  if (state == state_of(file)) known[state] = sum;
+  return sum;
+}
+
+fs::path cache_folder() {
+  if (const fs::path models = environment_path("REVISIT_MODELS"); !models.empty()) return models;
+  // The XDG specification requires to ignore a relative path.
+  if (const fs::path xdg = environment_path("XDG_CACHE_HOME"); xdg.is_absolute())
+    return xdg / "revisit" / "models";
+  if (const fs::path home = environment_path("HOME"); !home.empty())
+    return home / ".cache" / "revisit" / "models";
+  throw UsageError("no folder for models, because HOME is not set; set REVISIT_MODELS");
+}
+
+const char* to_string(CacheState state) {
+  constexpr const char* kNames[] = {"absent", "partial", "unverified", "verified",
+                                    "wrong checksum"};  // in the order of the enumeration
+  return kNames[static_cast<size_t>(state)];
+}
+
+std::vector<fs::path> files_in(const fs::path& folder, std::initializer_list<const char*> endings,
+                               bool below) {
+  return below ? files_of<fs::recursive_directory_iterator>(folder, endings)
+               : files_of<fs::directory_iterator>(folder, endings);
+}
+
+std::optional<fs::path> cached_weights(const fs::path& cache, const KnownModel& model) {
+  std::error_code none;
+  if (const fs::path file = cached_file(cache, model);
+      ends_with_one_of(model.file, kWeights) && fs::is_regular_file(file, none))
+    return file;
+  const std::vector<fs::path> all = files_in(cache / model.name, kWeights);
+  return all.size() == 1 ? std::optional(all[0]) : std::nullopt;
+}
+
+std::map<std::string, fs::path> loose_weights(const fs::path& cache) {
+  std::map<std::string, fs::path> loose;
+  for (const fs::path& file : files_in(cache, kWeights)) loose.emplace(file_sha1(file), file);
+  return loose;
+}
+
+CacheEntry inspect(const fs::path& cache, const KnownModel& model,
+                   const std::map<std::string, fs::path>& loose) {
+  CacheEntry entry;
+  entry.file = cached_file(cache, model);
+  std::error_code none;
+  const auto found = loose.find(model.sha1);
+  if (const auto weights = cached_weights(cache, model); weights)
+    entry.file = *weights;
+  else if (!fs::is_regular_file(entry.file, none) && found != loose.end())
+    entry.file = found->second;
+  if (fs::is_regular_file(entry.file, none)) {
+    entry.size = fs::file_size(entry.file);
+    entry.sha1 = file_sha1(entry.file);
+    entry.state = !model.sha1.empty() && model.sha1 == entry.sha1 ? CacheState::kVerified
+                  : model.sha1.empty() || model.sha1_is_doubtful  ? CacheState::kUnverified
+                                                                  : CacheState::kIncorrect;
+  } else if (const fs::path part = entry.file.string() + ".part"; fs::exists(part, none)) {
+    entry.size = fs::file_size(part, none);
+    entry.state = CacheState::kPartial;
+  }
+  return entry;
+}
 
 std::string how_to_get(const KnownModel& model, const fs::path& cache) {
   const std::string file = cached_file(cache, model).string();

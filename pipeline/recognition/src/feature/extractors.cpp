@@ -31,6 +31,13 @@ std::vector<float> offsets_to_first(const std::vector<double>& means, double sca
   return offsets;
 }
 
+std::string geometry_key(const ImageGeometry& g) {
+  const auto [closing_width, closing_height] = closing_rectangle(g);
+  return str("geometry ", g.width, "x", g.height, " elevation ", g.elevation_top, "..",
+             g.elevation_bottom, " max_range ", g.max_range, " closing ", closing_width, "x",
+             closing_height);
+}
+
 }  // namespace
 
 ImagePlan plan_for_images(const engine::Net& net, int height, int width,
@@ -52,17 +59,6 @@ void ImagePlan::fill(engine::Run& run, std::span<const float> pixels) const {
                              [mean, this](float pixel) { return (pixel - mean) * scale; });
   }
 }
-
-namespace {
-
-std::string geometry_key(const ImageGeometry& g) {
-  const auto [closing_width, closing_height] = closing_rectangle(g);
-  return str("geometry ", g.width, "x", g.height, " elevation ", g.elevation_top, "..",
-             g.elevation_bottom, " max_range ", g.max_range, " closing ", closing_width, "x",
-             closing_height);
-}
-
-}  // namespace
 
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,

@@ -21,6 +21,10 @@ int odd_pixels(double degrees, double pixel, int most) {
   return std::min(2 * static_cast<int>(degrees / pixel / 2 + kRounding) + 1, largest);
 }
 
+double half_turns(double radians) {
+  return radians / std::numbers::pi;  // exact for a quarter and an eighth of a revolution
+}
+
 }  // namespace
 
 std::array<int, 2> closing_rectangle(const ImageGeometry& g) {
@@ -46,14 +50,6 @@ void check_geometry(const ImageGeometry& g) {
         "expected a closing rectangle of 0 to 360 degrees",
         str(g.closing_width, " x ", g.closing_height));
 }
-
-namespace {
-
-double half_turns(double radians) {
-  return radians / std::numbers::pi;  // exact for a quarter and an eighth of a revolution
-}
-
-}  // namespace
 
 Panorama::Panorama(const ImageGeometry& g)
     : width(g.width),
