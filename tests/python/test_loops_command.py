@@ -162,14 +162,6 @@ class Drives(Command):
         cls.helipr = write_helipr(Path(folder.name) / 'helipr', cls.scans, cls.lidar)
         cls.found = lines_of(run('loops', cls.plain, *SAME_MOMENT, '--format', 'jsonl')[1])
 
-    def test_loops_are_of_places_driven_before(self):
-        self.assertGreater(len(self.found), 5)
-        for line in self.found:
-            self.assertTrue(line['accepted'])
-            self.assertGreater(line['frame'], line['match_frame'] + 7)
-        apart = [np.linalg.norm((self.camera[line['frame']] - self.camera[line['match_frame']])[[0, 2], 3]) for line in self.found]
-        self.assertLess(np.median(apart), 5)
-
     def check_same(self, found):
         self.assertEqual(without(found, 'time', 'match_time', 'file'), without(self.found, 'file'))
 
@@ -194,7 +186,8 @@ class Drives(Command):
         self.assertGreater(len(self.found), 3)
         for line in self.found:
             registered = line['registered']
-            self.assertTrue(registered['fits'])
+            self.assertTrue(line['accepted'] and registered['fits'])
+            self.assertGreater(line['frame'], line['match_frame'] + 7)
             truth = np.linalg.inv(self.camera[line['match_frame']]) @ self.camera[line['frame']]
             # KITTI's camera has z forward and x right, and an offset from the lidar.
             self.assertLess(np.hypot(registered['x'] - truth[2, 3], registered['y'] + truth[0, 3]), 0.8)
@@ -271,13 +264,6 @@ class Drives(Command):
         self.fails(3, 'the scans have none', self.arrays, '--poses', file, '--pose-frame', 'lidar')
         file.write_text('1 0 0 0 0 1 0 0 0 0 1 0\n')
         self.fails(3, f'1 poses .* frame {len(self.scans) - 1}', self.arrays, '--poses', file, '--pose-frame', 'camera')
-
-    def test_maps_are_kept(self):
-        place = ['--map', self.folder / 'town.map', *SAME_MOMENT[:4]]
-        self.loops(self.arrays, *place, '--drive', 'first')
-        again = self.loops(self.plain, *place, '--drive', 'second')
-        self.assertEqual(len(again), len(self.scans))
-        self.assertTrue(all(line['match_drive'] == 'first' and line['match_frame'] == line['frame'] for line in again))
 
     def test_a_view_that_cannot_be_shown(self):
         lines = self.folder / 'loops.jsonl'
