@@ -1,7 +1,6 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -28,10 +27,10 @@ constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
 using MountNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 constexpr size_t kMountBytes = sizeof(MountNumbers), kHeadBytes = kMountBytes + sizeof(uint32_t);
 
-/// Of a point: cells along x, y and z, then the steps within them.
-using Key = std::array<uint8_t, 6>;
+constexpr size_t kPlanes = 6;
 
-std::vector<Key> sorted_keys(const PointCloud& cloud) {
+/// Of each point a byte per plane, the first one in the highest byte. Sorted.
+std::vector<uint64_t> sorted_keys(const PointCloud& cloud) {
   std::vector<Eigen::Vector3f> points = thinned(cloud, kVoxel, kRange);
   int unit = 1;  // coordinates are rounded to multiples of it [steps]
   for (double voxel = kVoxel; points.size() > kMaxPoints; unit = 2) {
@@ -39,13 +38,16 @@ std::vector<Key> sorted_keys(const PointCloud& cloud) {
     points = thinned(cloud, voxel, kRange);
   }
   const float per_meter = kStepsPerMeter / static_cast<float>(unit);
-  std::vector<Key> keys(points.size());
-  for (size_t i = 0; i < keys.size(); ++i)
-    for (size_t axis = 0; axis < 3; ++axis) {
-      const auto step = unit * std::lround(points[i][static_cast<int>(axis)] * per_meter) + kOffset;
-      keys[i][axis] = static_cast<uint8_t>(step / 16);
-      keys[i][axis + 3] = static_cast<uint8_t>(step % 16);
+  std::vector<uint64_t> keys;
+  for (const Eigen::Vector3f& point : points) {
+    uint64_t cells = 0, steps = 0;
+    for (const float x : point) {
+      const int64_t step = unit * std::lround(x * per_meter) + kOffset;
+      cells = cells << 8 | static_cast<uint64_t>(step >> 4);
+      steps = steps << 8 | static_cast<uint64_t>(step & 15);
     }
+    keys.push_back(cells << 24 | steps);
+  }
   std::ranges::sort(keys);
   return keys;
 }
@@ -60,13 +62,14 @@ PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range) {
 }
 
 std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& mount) {
-  const std::vector<Key> keys = sorted_keys(cloud);
+  const std::vector<uint64_t> keys = sorted_keys(cloud);
   const size_t n = keys.size();
-  std::vector<uint8_t> bytes(n * sizeof(Key));
-  for (size_t plane = 0; plane < sizeof(Key); ++plane)
+  std::vector<uint8_t> bytes(n * kPlanes);
+  for (size_t plane = 0; plane < kPlanes; ++plane)
     for (size_t i = 0; i < n; ++i) {
-      const int last = plane < 3 && i > 0 ? keys[i - 1][plane] : 0;
-      bytes[plane * n + i] = static_cast<uint8_t>(keys[i][plane] - last);
+      const uint64_t last = plane < 3 && i > 0 ? keys[i - 1] : 0;
+      const size_t shift = 8 * (kPlanes - 1 - plane);
+      bytes[plane * n + i] = static_cast<uint8_t>((keys[i] >> shift) - (last >> shift));
     }
   z_stream stream{};
   // Bytes repeat, sequences do not: Huffman coding with runs is smaller and faster than others.
@@ -98,7 +101,7 @@ std::pair<PointCloud, Eigen::Isometry3d> expand_cloud(std::string_view bytes) {
     std::memcpy(mount.data(), bytes.data(), kMountBytes);
     std::memcpy(&n, &bytes[kMountBytes], sizeof(n));
   }
-  std::vector<uint8_t> planes(n <= kMaxPoints ? n * sizeof(Key) : 0);
+  std::vector<uint8_t> planes(n <= kMaxPoints ? n * kPlanes : 0);
   uLongf size = planes.size();
   if (bytes.size() < kHeadBytes || n > kMaxPoints || !mount.leftCols<3>().isUnitary(1e-6) ||
       !mount.allFinite() ||
