@@ -60,9 +60,12 @@ bool has_layers(const caffe::NetParameter& net, const std::string& cut) {
 
 /// Known model with the name of a network ("VGG_CNN_S"), or null.
 const KnownModel* namesake(const caffe::NetParameter& net) {
-  const auto lower = [](unsigned char c) { return std::tolower(c); };
+  const std::string& name = net.name();
+  const auto equal = [](unsigned char a, unsigned char b) { return std::tolower(a) == b; };
   for (const KnownModel& known : known_models())
-    if (!std::ranges::search(net.name(), known.name, {}, lower, lower).empty()) return &known;
+    if (std::search(name.begin(), name.end(), known.name.begin(), known.name.end(), equal) !=
+        name.end())
+      return &known;
   return nullptr;
 }
 
