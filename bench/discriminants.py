@@ -4,7 +4,7 @@
   revisit simulate -o town-3 --route both --length 2400 --every 4 --seed 3          (and 7, 8; delete the folders after `features`)
   discriminants.py features town-3 -o town-3.npz
   discriminants.py learn town-3.npz town-7.npz town-8.npz -o towns.npz
-  real_drives.py DRIVE --method learnt --discriminants towns.npz --feature scan-context|m2dp
+  foreign.py DATA --method learnt --discriminants towns.npz --feature scan-context|m2dp
 
 A Scan Context [20 heights][60 sectors] is compared at the best of 60 shifts, so it is treated like a ring descriptor:
 
@@ -117,11 +117,11 @@ def descriptors(name, features, mean, directions):
 
 
 def similarities(numbers, query, places, turns=360):
-    """Returns the similarities of `query` to the first `places`, at the best yaw angle."""
-    products = np.array([z[:places] @ z[query].conj() for z in numbers])
+    """Returns the similarities of `query` to the rows `places`, at the best yaw angle."""
+    products = np.array([z[places] @ z[query].conj() for z in numbers])
     if len(products) == 1:
         return products[0].real
-    padded = np.zeros((turns // 2 + 1, places), complex)
+    padded = np.zeros((turns // 2 + 1, len(places)), complex)
     padded[:len(products)] = products
     return np.fft.irfft(padded, n=turns, axis=0).max(0) * turns
 
@@ -131,14 +131,14 @@ def learnt_answers(drive, file, name):
     learnt = np.load(file)
     directions = [learnt[f'{name} {f}'] for f in range(int(learnt[f'{name} frequencies']))]
     features = features_of(drive.files, names=[name])[name][:, 0]
-    numbers = descriptors(name, features, mean_of(name, features[:WARMUP]), directions)
+    numbers = descriptors(name, features, mean_of(name, features[drive.stored[:WARMUP]]), directions)
     answers = []
-    for query in drive.queries():
-        found = similarities(numbers, query, drive.candidates[query])
+    for query, n in zip(drive.queries, drive.candidates):
+        found = similarities(numbers, query, drive.stored[:n])
         best = int(found.argmax())
         others = np.sort(found[np.abs(np.arange(len(found)) - best) > NEIGHBORS])[::-1]
         score = 2 * found[best] - (others[:4][-1] if len(others) else found[best])
-        answers.append((query, best, float(score), None))
+        answers.append((drive.stored[best], float(score), None))
     return answers
 
 

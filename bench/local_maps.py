@@ -11,6 +11,8 @@ except the previous three. Three things differ:
   when the local map ends, up to `length` meters later than those of other methods.
 """
 
+import sys
+
 import numpy as np
 from drives import RADIUS
 
@@ -48,9 +50,9 @@ def closures(drive, length):
     starts = drive.starts
     poses = drive.poses
     if poses is None:
-        edges = [*sorted(starts), len(drive.files)]
+        edges = [*starts, len(drive.files)]
         poses = np.concatenate([odometry(drive.files[a:b], read_scan) for a, b in zip(edges, edges[1:])])
-    maps, answers = [LocalMap(poses[0], 0)], {}
+    maps, answers, candidates = [LocalMap(poses[0], 0)], {}, dict(zip(drive.queries, drive.stored[drive.candidates - 1]))
 
     def finish(end):
         maps[-1].last = end
@@ -76,7 +78,7 @@ def closures(drive, length):
         at = (np.linalg.inv(earlier.pose) @ poses[places])[:, :3, 3]
         T_earlier_later = np.linalg.inv(np.asarray(closure.pose))
         for query in range(later.first, later.last):
-            near = places < drive.candidates[query]
+            near = places <= candidates.get(query, -1)
             if not near.any():
                 continue
             here = (T_earlier_later @ np.linalg.inv(later.pose) @ poses[query])[:3, 3]
@@ -93,5 +95,5 @@ def closures(drive, length):
             finish(i + 1)
             begin(i + 1, maps[-1].first)
     finish(len(drive.files))
-    print(f'{len(maps)} local maps, {len(answers)} keyframes answered')
-    return [(int(query), *answers.get(int(query), (None, 0, False))) for query in drive.queries()]
+    print(f'{len(maps)} local maps, {len(answers)} keyframes answered', file=sys.stderr)
+    return [answers.get(query, (None, 0, False)) for query in drive.queries]

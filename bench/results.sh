@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Measures docs/data/*.json again and updates the tables of README.md and docs/. Takes hours and 20 GB in FOLDER.
-# If interrupted, run it again to resume: rows in docs/data/ are not measured again. To measure a file again, delete it.
+# If interrupted, run it again to resume: rows in docs/data/ are not measured again. To measure a row again, delete it.
 #
 #   bench/results.sh [FOLDER]      FOLDER: for simulated drives and trained models (default results/tables)
 #   TOWNS=11 ROUTES=08 SENSORS=vlp16 bench/results.sh            only this part of the table of towns
@@ -40,91 +40,109 @@ learn() {  # learn SENSOR
   "$python" bench/discriminants.py learn "$known"-[37].npz -o "$known.npz"
 }
 
-run() {  # run FILE DRIVE NAME OPTION...
-  "$python" bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" --missing "${@:4}"
+# A drive is the array `data`: DATA, and options of its poses, pairs and keyframes. file and drive: of its rows.
+own() {  # own NAME OPTION...: a row of `revisit eval`
+  "$python" bench/rows.py "$file" "$drive" "$1" --missing -- revisit eval "${data[@]}" "${@:2}"
 }
-compared() {  # compared FILE DRIVE SENSOR_OF_TRAINED_MODELS OPTION...: methods of every table
-  run "$1" "$2" "rings" --method ring "${@:4}"
-  run "$1" "$2" "rings, not registered" --method ring --no-verify "${@:4}"
-  run "$1" "$2" "rings without training, not registered" --method ring --no-verify --ring "$work/$3-scans.ring" "${@:4}"
-  run "$1" "$2" "Scan Context, all candidates" --method scan-context "${@:4}"
-  run "$1" "$2" "Scan Context, 10 by ring keys" --method scan-context --ring-keys 10 "${@:4}"
-  run "$1" "$2" "Scan Context, learnt as rings" --method learnt --feature scan-context --discriminants "$work/$3.npz" "${@:4}"
+foreign() {  # foreign NAME OPTION...
+  "$python" bench/rows.py "$file" "$drive" "$1" --missing -- bench/foreign.py "${data[@]}" "${@:2}"
+}
+compared() {  # compared SENSOR_OF_TRAINED_MODELS: methods of every table
+  own "rings"
+  own "rings, not registered" --score distinct-margin
+  own "rings without training, not registered" --ring "$work/$1-scans.ring" --score distinct-margin
+  own "Scan Context, all candidates" --feature scan-context
+  own "Scan Context, 10 by ring keys" --feature scan-context --candidates 10
+  foreign "Scan Context, learnt as rings" --method learnt --feature scan-context --discriminants "$work/$1.npz"
 }
 m2dp() {  # as compared()
-  run "$1" "$2" "M2DP" --method m2dp "${@:4}"
-  run "$1" "$2" "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/$3.npz" "${@:4}"
+  own "M2DP" --feature m2dp
+  foreign "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/$1.npz"
 }
-methods() {  # methods FILE DRIVE SENSOR_OF_IMAGES
-  if [ ! -d "$2/first" ]; then  # without poses
-    run "$1" "$2" "rings, local maps of 10 m" --method ring --sensor hdl64 --local-map 10
-  fi
-  compared "$1" "$2" vlp16
-  m2dp "$1" "$2" vlp16
-  run "$1" "$2" "the paper's feature, aligned" --method cnn --model "$squeezenet" --sensor "$3" --align case1
-  run "$1" "$2" "the paper's feature, both cases" --method cnn --model "$squeezenet" --sensor "$3" --align both
-  run "$1" "$2" "the paper's feature, not aligned" --method cnn --model "$squeezenet" --sensor "$3" --align none
-  run "$1" "$2" "MapClosures, local maps of 100 m" --method map-closures --local-map 100
-  run "$1" "$2" "MapClosures, local maps of 20 m" --method map-closures --local-map 20
+paper() {  # paper SENSOR_OF_IMAGES NAME OPTION...: PCA of all scans
+  own "the paper's feature, $2" --protocol online --model "$squeezenet/deploy.prototxt" --weights "$squeezenet/weights.caffemodel" \
+    --end pool8 --mean 104,117,123 --sensor "$1" "${@:3}"
 }
-drive_of() {  # drive_of FOLDER TOWN ROUTE SENSOR OPTION...
-  "$revisit" simulate -o "$1" --sensor "$4" --sequence "$3" --poses "$kitti/poses/$3.txt" --calib "$kitti/sequences/$3/calib.txt" \
+methods() {  # methods SENSOR_OF_IMAGES
+  if [[ " ${data[*]} " != *" --pairs "* ]]; then own "rings, local maps of 10 m" --local-map 10; fi
+  compared vlp16
+  m2dp vlp16
+  paper "$1" aligned --align case1
+  paper "$1" "both cases" --align case1 --query-case both
+  paper "$1" "not aligned" --align none
+  foreign "MapClosures, local maps of 100 m" --method map-closures --local-map 100
+  foreign "MapClosures, local maps of 20 m" --method map-closures --local-map 20
+}
+perturbed() {
+  own "rings" --perturb standard
+  own "Scan Context" --feature scan-context --perturb standard
+}
+simulated() {  # simulated NAME TOWN ROUTE SENSOR OPTION...: sets drive and data
+  drive=$1 data=("$work/$1" --exclusion meters=50 --negative-radius 10)
+  "$revisit" simulate -o "$work/$1" --sensor "$4" --sequence "$3" --poses "$kitti/poses/$3.txt" --calib "$kitti/sequences/$3/calib.txt" \
     --seed "$2" --quiet "${@:5}"
 }
 town() {  # town TOWN ROUTE SENSOR: simulates the drive, evaluates keyframes of 1 m and every frame, deletes it
-  local drive=$work/town$1-$2-$3
-  [ -e "$drive.done" ] && return
-  drive_of "$drive" "$1" "$2" "$3"
-  compared towns "$drive" "$3" --keyframes 1
-  compared towns "$drive" "$3"
-  if [ "$1" -le 12 ]; then m2dp towns "$drive" "$3" --keyframes 1; fi
-  if [ "$1" -eq 11 ] && [ "$2" = 08 ]; then
-    run towns "$drive" "the paper's feature, both cases" --method cnn --model "$squeezenet" --sensor "$3" --align both --keyframes 1
-  fi
-  rm -rf "$drive"
-  touch "$drive.done"
+  local file=towns drive=town$1-$2-$3 data
+  [ -e "$work/$drive.done" ] && return
+  simulated "$drive" "$1" "$2" "$3"
+  compared "$3"
+  if [ "$1" -eq 11 ] && [ "$2" = 08 ]; then paper "$3" "both cases" --align case1 --query-case both; fi
+  data+=(--keyframes meters=1)
+  compared "$3"
+  if [ "$1" -le 12 ]; then m2dp "$3"; fi
+  rm -rf "${work:?}/$drive"
+  touch "$work/$drive.done"
 }
 
 for sensor in "${sensors[@]}"; do learn "$sensor"; done
+nclt=("$real/nclt/bin" --poses "$real/nclt/poses_kitti.txt" --pose-frame lidar --exclusion meters=50 --negative-radius 10)
+lists=$real/riverside/loops
+listed=("$real/riverside" --pairs "$lists.csv,${lists}_weak.csv,${lists}_by_time.csv,near=2")
+riverside=("${listed[@]},bench/riverside/without_place.csv" --exclusion frames=332)  # excludes its own lap
 if [ -z "$part" ]; then
-  methods real_drives "$real/nclt" hdl32
-  methods real_drives "$real/riverside" ouster-os1-64
+  file=real_drives drive=nclt data=("${nclt[@]}")
+  methods hdl32
+  drive=riverside data=("${riverside[@]}")
+  methods ouster-os1-64
   if [ "${PCD_FILES:-}" ]; then  # pairs: found by matching each scan with each, with thresholds set by hand
     mkdir -p "$work/pcd_files/"{first,second}
     for scan in $(cd "$PCD_FILES" && ls ??????.pcd); do
       lap=first && [[ "$scan" < 000300 ]] || lap=second
       ln -sf "$(realpath "$PCD_FILES/$scan")" "$work/pcd_files/$lap/"
     done
-    cp bench/pcd_files/*.csv "$work/pcd_files"
-    methods real_drives "$work/pcd_files" vlp16
+    drive=pcd_files data=("$work/pcd_files" --pairs bench/pcd_files/loops.csv,bench/pcd_files/loops_weak.csv,near=2 --exclusion frames=246)
+    methods vlp16
   fi
-  if [ ! -e docs/data/perturbed_scans.json ]; then
-    for drive in nclt riverside; do
-      run perturbed_scans "$real/$drive" "rings" --method ring --perturb standard
-      run perturbed_scans "$real/$drive" "Scan Context" --method scan-context --perturb standard
-    done
-  fi
+  file=perturbed_scans
+  drive=nclt data=("${nclt[@]}")
+  perturbed
+  drive=riverside data=("${listed[@]}")
+  perturbed
+  file=simulated_drives
   # Towns 11 to 15 were used neither for training nor for choosing settings.
-  drive_of "$work/town11-08" 11 08 vlp16 --every 4
-  methods simulated_drives "$work/town11-08" vlp16
+  simulated town11-08 11 08 vlp16 --every 4
+  methods vlp16
   # Rolling shutter without deskewing, noise, lost points: no model was trained on such scans.
-  drive_of "$work/town15-08-poor" 15 08 vlp16 --every 4 --rolling-shutter --noise 0.06 --dropout 0.3
-  compared simulated_drives "$work/town15-08-poor" vlp16
+  simulated town15-08-poor 15 08 vlp16 --every 4 --rolling-shutter --noise 0.06 --dropout 0.3
+  compared vlp16
 fi
-export -f town drive_of compared m2dp run
+export -f town simulated compared m2dp paper own foreign
 export work kitti squeezenet revisit python
 for route in "${routes[@]}"; do
   for town in "${towns[@]}"; do
     for sensor in "${sensors[@]}"; do echo "$town $route $sensor"; done
   done
 done | xargs -P "$(nproc)" -I{} bash -euo pipefail -c 'town {}'
-# Rows that the test documents.rows reruns; they are marked `cheap` and measured again here.
+# Rows that the test documents.rows measures again.
 if [ -z "$part" ]; then
-  run() { "$python" bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" "${@:4}"; }
-  run perturbed_scans "$real/riverside" "rings" --method ring --perturb sector=180 --cheap
-  run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
-  run simulated_drives town:11 "rings" --method ring --cheap
-  run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap
+  cheap() {  # cheap FILE DRIVE NAME OPTION...
+    "$python" bench/rows.py "$1" "$2" "$3" --cheap -- revisit eval "${@:4}"
+  }
+  cheap real_drives nclt "rings" "${nclt[@]}"
+  cheap perturbed_scans riverside "rings" "${listed[@]}" --perturb sector=180
+  cheap simulated_drives town:11 "rings" town:11 --exclusion meters=50
+  cheap towns town:12 "Scan Context, all candidates" town:12 --exclusion meters=50 --feature scan-context --keyframes meters=1
 fi
 "$python" bench/tables.py
 [ -n "$part" ] || "$python" bench/figures.py --revisit "$revisit" --real "$real"

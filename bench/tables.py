@@ -1,8 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of README.md and docs/ from the files in docs/data/.
-
-  bench/tables.py             writes them
-  bench/tables.py --rerun     runs the cheap row of each file again (exit code 77 where its data is missing)
+"""Writes the tables of README.md and docs/ from the files in docs/data/, whose rows are rows.py's.
 
 A table in a page begins with a comment that names its rows and columns; rows of a drive are neighbors:
 
@@ -13,17 +10,11 @@ A table in a page begins with a comment that names its rows and columns; rows of
   <!-- table: towns.json brief=08 keyframes=1.0 -->                             (a row per sensor, means over the towns)
 
 The second form has the mean over towns of the drives townN-ROUTE-SENSOR (and how many), and the drive with the lowest average precision.
-`columns` are those of COLUMNS below. A row of a file has the drive, the name of the method, its metrics, and
-version, commit, machine and command of the run. NAMES has the names that pages show. The test `documents.rows` runs rows with
-"cheap": true again.
+`columns` are those of COLUMNS below. NAMES has the names that pages show.
 """
 
-import argparse
 import json
 import re
-import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -44,7 +35,6 @@ BRIEF = {'ring descriptor': ('rings',), 'Scan Context': ('Scan Context, all cand
          'Scan Context, trained alike': ('Scan Context, learnt as rings',),
          "the paper's feature, best variant": tuple(f"the paper's feature, {case}" for case in ('aligned', 'both cases', 'not aligned')),
          'MapClosures': ('MapClosures, local maps of 20 m',)}
-SKIPPED = 77
 
 
 def rows_of(file):
@@ -167,50 +157,7 @@ def write(page):
     page.write_text('\n'.join(lines) + '\n')
 
 
-def rerun(row):
-    """The first difference from the file, or None. Raises FileNotFoundError if the drive is missing."""
-    from real_drives import is_of  # needs NumPy, which reading tables does not
-    words = shlex.split(row['command'])
-    if not words[1].startswith('town:') and not (ROOT / words[1]).exists():
-        raise FileNotFoundError(words[1])
-    done = subprocess.run([sys.executable, *words], cwd=ROOT, text=True, stdout=subprocess.PIPE)
-    if done.returncode != 0:
-        return f'exit code {done.returncode}'
-    found = next((found for found in map(json.loads, done.stdout.splitlines()) if is_of(found, row)), None)
-    if not found:
-        return 'not measured by its command'
-    return next((f'{key} is {row[key]} in the file, {value} now' for key, value in found.items() if row[key] != value), None)
-
-
-def rerun_cheap_rows():
-    code = 0
-    for file in sorted(DATA.glob('*.json')):
-        cheap = [row for row in rows_of(file.name) if row.get('cheap')]
-        if not cheap:
-            print(f'{file.name}: no row is marked "cheap"')
-            code = 1
-        for row in cheap:
-            try:
-                fault = rerun(row)
-            except FileNotFoundError as error:
-                print(f'{file.name}: {error} is missing')
-                code = code or SKIPPED
-                continue
-            print(f'{file.name}: {row["drive"]}, {row["name"]}: {fault or "as in the file"}')
-            code = 1 if fault else code
-    return code
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--rerun', action='store_true')
-    if parser.parse_args().rerun:
-        return rerun_cheap_rows()
+if __name__ == '__main__':
     for page in (ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))):
         if MARK.search(page.read_text()):
             write(page)
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -105,14 +105,18 @@ TEST_F(DrivingOrder, LaterScansChangeNothing) {
 
 TEST_F(DrivingOrder, FindsAndAcceptsTheLoopsOfTheLoopsCommand) {
   const std::string how = " --exclusion frames=150 --sensor vlp16 -q ";
-  const std::string of_loops = run("loops " + path("street") + how + "--all");
-  const Rows asked = columns_of(of_loops, {0, 3}, [](const auto& cells) { return cells[7] != ""; });
-  const Rows accepted =
-      columns_of(of_loops, {0, 3}, [](const auto& cells) { return cells[10] == "1"; });
-  const Run driving = eval(path("street") + how + "--feature ring --radius 5");
-  Rows found;
-  for (const auto& row : driving.best()) found.push_back({row[0], row[1]});
-  EXPECT_EQ(found, asked);
+  Run driving;
+  Rows accepted;
+  for (const char* scans : {"--local-map 10 ", ""}) {
+    const std::string of_loops = run("loops " + path("street") + how + scans + "--all");
+    const Rows asked =
+        columns_of(of_loops, {0, 3}, [](const auto& cells) { return cells[7] != ""; });
+    accepted = columns_of(of_loops, {0, 3}, [](const auto& cells) { return cells[10] == "1"; });
+    driving = eval(path("street") + how + scans + "--feature ring --radius 5");
+    Rows found;
+    for (const auto& row : driving.best()) found.push_back({row[0], row[1]});
+    EXPECT_EQ(found, asked);
+  }
   const reports::AcceptedLoops& loops = driving.metrics.loops();
   EXPECT_EQ(loops.correct() + loops.ignored() + loops.incorrect(),
             static_cast<int>(accepted.size()));

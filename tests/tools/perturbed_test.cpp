@@ -33,7 +33,6 @@ TEST_F(PerturbOption, EveryPerturbationIsATask) {
   ASSERT_EQ(run.tasks_size(), 4);
   const reports::Metrics& unperturbed = run.tasks(0).metrics();
   EXPECT_EQ(unperturbed.protocol(), "none");
-  EXPECT_EQ(unperturbed.perturbation(), "none");
   EXPECT_EQ(unperturbed.self(), unperturbed.n_queries());
   EXPECT_GT(unperturbed.n_positives(), 0);
   EXPECT_GE(unperturbed.ratio_median(), unperturbed.ratio_min());

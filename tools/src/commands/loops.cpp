@@ -32,7 +32,6 @@ struct LoopsOptions {
   std::optional<double> target_precision;
   std::optional<double> follow;
   std::optional<bool> verify;  // absent: if the feature and the map allow it
-  double local_map = 0;
   bool all = false, no_deskew = false, no_verify = false;
   std::string exclusion_text = to_string(exclusion), keyframes = "all";
 
@@ -78,18 +77,14 @@ void LoopsOptions::declare(Options& options) {
             &no_verify)
       .excludes({"g2o", "tum"})
       .common()
-      .option("local-map", "METERS",
-              "path length of the local map that replaces a scan, 1 to 200, for sensors with a gap "
-              "or few points; needs poses; 10 is a good value; uses the model of hdl64 unless "
-              "--sensor is given (default: the scan)",
-              &local_map)
-      .common()
       .flag("all", "a line for every scan (default: only for accepted loops)", &all)
       .common()
       .option("follow", "SECONDS",
               "DATA is a folder that grows: end after this time without a new scan", &follow)
       .positive()
       .common();
+  feature.declare_local_map(options);
+  options.common();
   map.declare(options);
   poses.declare(options);
   declare_output(options);
@@ -125,18 +120,6 @@ void LoopsOptions::finish() {
     throw UsageError("--no-clouds: not with ", !g2o.empty() ? "--g2o" : "--tum",
                      ", which needs registered loops; give one of the two");
   if (needs_verify || no_verify) verify = needs_verify;
-}
-
-/// Chooses the model for local maps of any sensor (docs/SLAM.md), or the map's.
-void choose_local_map_sensor(LoopsOptions& o) {
-  if (o.local_map == 0 || o.feature.feature != "ring" || !o.feature.ring.empty() ||
-      !o.feature.image.is_auto())
-    return;
-  const std::string of_map = shipped_ring_sensor(feature_key_of(o.map.file));
-  o.feature.image.sensor = of_map.empty() ? "hdl64" : of_map;
-  if (!o.feature.quiet)
-    note(str("sensor: ", o.feature.image.sensor,
-             of_map.empty() ? " (of local maps)" : " (of the map)"));
 }
 
 LoopDetectorOptions detector_options(const LoopsOptions& o) {
@@ -308,13 +291,8 @@ class LoopRun {
 
  private:
   MapSource describe_source() {
-    const ScanRef& first = source_.some.scans.front();
-    if (o_.local_map != 0 && !first.pose)
-      throw UsageError("--local-map: ", first.file.string(), " has no pose; give --poses");
-    choose_local_map_sensor(o_);
     MapSource described = map_source(o_.feature, source_.some, o_.map.file);
     described.options.warmup = o_.map.warmup;
-    described.options.local_map = o_.local_map;
     described.options.hnsw_candidates = o_.feature.graph_candidates();
     if (!o_.verify) o_.verify = described.extractor.comparison.relative_yaw && !o_.map.no_clouds;
     return described;

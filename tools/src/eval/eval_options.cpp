@@ -205,6 +205,7 @@ void EvalOptions::declare_driving_order(Options& options) {
       .option("warmup", "N",
               "distinct map entries that the map mean or PCA is estimated from (default 128)",
               &warmup);
+  feature.declare_local_map(options);
 }
 
 void EvalOptions::declare_perturbed(Options& options) {
@@ -213,7 +214,7 @@ void EvalOptions::declare_perturbed(Options& options) {
               "queries are perturbed scans, compared with all unperturbed ones, e.g. turn, pitch=5 "
               "or keep=0.2+sector=60; standard: a set of 19; docs/EVALUATION.md has all",
               &perturb)
-      .excludes({"protocol", "score", "k", "bootstrap", "keyframes", "warmup"})
+      .excludes({"protocol", "score", "k", "bootstrap", "keyframes", "warmup", "local-map"})
       .common()
       .option("seed", "N", "seed of the perturbations (default 0)", &seed)
       .needs("perturb")
@@ -277,7 +278,7 @@ std::string EvalOptions::block() const {
 
 void EvalOptions::check(const Options& options) const {
   const bool drives = in_driving_order() && plan.empty() && ground_truth.empty();
-  for (const char* option : {"keyframes", "warmup"})
+  for (const char* option : {"keyframes", "warmup", "local-map"})
     if (!drives && options.given(option))
       throw UsageError("--", option, ": belongs to the protocol ", kDrivingOrder);
   if (in_driving_order() && options.given("query-case"))

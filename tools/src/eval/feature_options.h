@@ -43,11 +43,13 @@ struct FeatureOptions {
   double memory_gb = 2;
   std::string cache;  // folder of the features; "": below the output folder
   std::string mount;  // unless Scans::kOfDrives: parse_mount(); "": identity
+  double local_map = 0;  // MapOptions::local_map [m]
   bool quiet = false;
 
   void declare(Options& options, Scans scans = Scans::kOfDrives);
   void declare_data(Options& options);
   void declare_threads(Options& options);
+  void declare_local_map(Options& options);
   /// Declares all options but those of the data.
   void declare_describing(Options& options, Scans scans);
   int thread_count() const;

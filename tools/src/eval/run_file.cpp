@@ -196,7 +196,6 @@ void set_loops(const AcceptedLoops& loops, reports::AcceptedLoops& out) {
 }
 
 void set_perturbed(const PerturbedFigures& figures, reports::Metrics& metrics) {
-  metrics.set_perturbation(text_of(figures.perturbation));
   metrics.set_self(static_cast<int>(figures.self));
   metrics.set_neighbor(static_cast<int>(figures.neighbor));
   if (!std::isnan(figures.ratio_median)) metrics.set_ratio_median(figures.ratio_median);

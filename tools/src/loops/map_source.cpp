@@ -82,6 +82,15 @@ Projection pca_of(const Rows& features, std::span<const int64_t> fit_rows, int64
   return projection;
 }
 
+/// Chooses the model for local maps of any sensor (docs/SLAM.md), or the map's.
+void choose_local_map_sensor(FeatureOptions& o, const fs::path& map) {
+  if (o.feature != "ring" || !o.ring.empty() || !o.image.is_auto()) return;
+  const std::string of_map = shipped_ring_sensor(feature_key_of(map));
+  o.image.sensor = of_map.empty() ? "hdl64" : of_map;
+  if (!o.quiet)
+    note(str("sensor: ", o.image.sensor, of_map.empty() ? " (of local maps)" : " (of the map)"));
+}
+
 }  // namespace
 
 MapSource map_source(FeatureOptions& options, const Dataset& some, const fs::path& map,
@@ -90,6 +99,12 @@ MapSource map_source(FeatureOptions& options, const Dataset& some, const fs::pat
     throw UsageError(
         "--feature fabmap: needs all camera images of a drive at once; use `revisit eval "
         "--protocol online`");
+  if (options.local_map != 0) {
+    const ScanRef& first = some.scans.front();
+    if (!first.pose)
+      throw UsageError("--local-map: ", first.file.string(), " has no pose; give --poses");
+    choose_local_map_sensor(options, map);
+  }
   warn_of_view(options, some);
   if (const std::string found = resolve_sensor(options, some, map);
       !found.empty() && !options.quiet)
@@ -98,6 +113,7 @@ MapSource map_source(FeatureOptions& options, const Dataset& some, const fs::pat
   MapSource result{open_feature(options, some, ""), {}};
   result.options.align = result.align;
   result.options.geometry = options.image.geometry();
+  result.options.local_map = options.local_map;
   if (!options.mount.empty()) result.options.mount = parse_mount(options.mount);
   if (result.components < 0) return result;
   const bool no_folder = options.fitted_on() == "all" || options.fitted_on() == "map";

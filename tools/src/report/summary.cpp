@@ -97,7 +97,7 @@ reports::Summary summarize_runs(const Runs& runs, bool over_sequences) {
   for (const reports::Run& run : runs)
     for (const reports::RunTask& task : run.tasks()) {
       const reports::Metrics& metrics = task.metrics();
-      if (metrics.has_perturbation()) continue;
+      if (metrics.has_self()) continue;
       const auto [at, fresh] =
           row_of.try_emplace(row_key(run, metrics, over_sequences), rows.size());
       if (fresh) {

@@ -298,7 +298,7 @@
   function runContent(run) {
     const info = run.info || {}, stages = list(info.stages);
     return [
-      ...list(run.tasks).filter(task => task.metrics.perturbation === undefined).map(task => [
+      ...list(run.tasks).filter(task => task.metrics.self === undefined).map(task => [
         el("h3", {}, task.metrics.protocol), el("p", { class: "soft" }, `${task.metrics.population || ""}; alignment of the queries: ${task.metrics.query_case || "?"}`),
         table([["", ""], ...kMetrics.map(([, title]) => [title, "n"]), ["queries", "n"], ["with a correct match", "n"], ["correct match"]],
           [["", ...kMetrics.map(([key]) => metric(task.metrics, key)), String(task.metrics.n_queries ?? 0), String(task.metrics.n_positives ?? 0), `${task.metrics.distance} < ${task.metrics.radius_m} m, exclusion ${task.metrics.exclusion}`]]),
@@ -386,12 +386,12 @@
     } };
     const datasets = runs.map((run, i) => ({ label: run.title, data: tasksOf(run).map(data), borderColor: kColors[i % kColors.length],
       backgroundColor: kColors[i % kColors.length] + "cc", minBarLength: 2 }));
-    return plot(name, { type: "bar", data: { labels: rows.map(row => folded(row.perturbation)), datasets }, plugins: line === undefined ? [] : [mark], options: {
+    return plot(name, { type: "bar", data: { labels: rows.map(row => folded(row.protocol)), datasets }, plugins: line === undefined ? [] : [mark], options: {
       indexAxis: "y", parsing: true, normalized: false, scales: { x: axis(title, range), y: { type: "category", ticks: { autoSkip: false, font: { size: 11 } } } },
-      plugins: { tooltip: { callbacks: { title: items => items.length ? rows[items[0].dataIndex].perturbation : "",
+      plugins: { tooltip: { callbacks: { title: items => items.length ? rows[items[0].dataIndex].protocol : "",
         label: item => `${item.dataset.label}: ${tooltip(tasksOf(runs[item.datasetIndex])[item.dataIndex])}` } } } } }, .8);
   }
-  const tasksOf = run => list(run.tasks).map(task => task.metrics).filter(metrics => metrics.perturbation !== undefined);
+  const tasksOf = run => list(run.tasks).map(task => task.metrics).filter(metrics => metrics.self !== undefined);
   /** Runs of perturbed queries; runs with equal queries and stored scans stand side by side. */
   function perturbedRuns() {
     const groups = new Map();
@@ -425,7 +425,7 @@
           row => row.ratio_median === undefined ? null : [row.ratio_min, row.ratio_median], { min: 0, max: Math.min(4, 1.05 * most) },
           row => `median ${number(row.ratio_median, 2)}, minimum ${number(row.ratio_min, 2)}`, 1)) : null),
       table([["perturbation"], ...runs.flatMap(run => [[`${run.title}: self`, "n"], ["neighbor", "n"], ["recall@1", "n"], ["AP", "n"], ["ratio", "n"], ["minimum", "n"]])],
-        rows.map((row, i) => [row.perturbation, ...runs.flatMap(run => {
+        rows.map((row, i) => [row.protocol, ...runs.flatMap(run => {
           const cell = tasksOf(run)[i];
           return [found(cell.self, cell.n_queries), found(cell.neighbor, cell.n_positives), number(cell.recall_at_1), number(cell.average_precision), ratio(cell.ratio_median), ratio(cell.ratio_min)];
         })])));
