@@ -16,8 +16,8 @@ def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *
              local_map: float = 0) -> Map:
     """Opens the map `file` of ring descriptors, or a server's address. It is created if missing; None: a temporary map.
 
-    sensor: of a model from recognition.shipped_ring_models(); None: that of the map, else the nearest to the first scan, or hdl64
-        for local maps. Map.warnings then has a message.
+    sensor: of a model from recognition.shipped_ring_models(); None: that of the map, else the nearest to the first scan with at
+        least 500 returns, or hdl64 for local maps. Map.warnings then has a message.
     model: another model, from recognition.read_ring_model().
     warmup: number of scans from which the map mean is estimated.
     threads: for describing one scan.

@@ -152,7 +152,7 @@ void bind_map(nb::module_& module) {
                 transform(mount, *cloud);
                 entries.front().cloud = compact_cloud(*cloud, mount);
               }
-              return self.add(std::move(entries)).front();
+              return self.add(std::move(entries), scan.made_by).front();
             });
           },
           "scan"_a, nb::kw_only(), "drive"_a = "", "frame"_a = 0, "time"_a = nb::none(),

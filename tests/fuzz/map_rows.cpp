@@ -45,14 +45,16 @@ std::string blob(Bytes& bytes, size_t usual) {
 }
 
 void add_entry(SqlDriver& map, Bytes& bytes, int64_t id, const MapHeader& header) {
-  EntryRow row{.drive = bytes.text(bytes.up_to(3)), .frame = bytes.number<int64_t>()};
-  if (bytes.up_to(1) == 1) row.time = bytes.number<double>();
+  MapEntry entry{.drive = bytes.text(bytes.up_to(3)), .frame = bytes.number<int64_t>()};
+  if (bytes.up_to(1) == 1) entry.time = bytes.number<double>();
   const auto numbers =
       static_cast<size_t>(bytes.up_to(1) == 1 ? known().rings.dim : known().dimensions);
+  EntryBytes row;
   row.pose = blob(bytes, 96);
   row.descriptor = blob(bytes, 4 * numbers);
   row.feature = blob(bytes, 128);
-  insert_entries(map, id, {&row, 1}, header.revision);
+  const std::vector<SqlValue> columns = entry_columns(id, entry, row, header.revision);
+  insert_entries(map, {&columns, 1});
 }
 
 void add_value(SqlDriver& map, Bytes& bytes, int64_t id) {

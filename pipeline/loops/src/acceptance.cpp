@@ -54,9 +54,9 @@ std::optional<Calibration> Acceptance::of_map() {
   map_.use_store([&](MapStore& store) {
     try {
       if (const auto content = store.value(value_name()))
-        calibration = parse_calibration(*content, str("the map's ", value_name()));
+        calibration = parse_calibration(*content, str(store.name(), ": its ", value_name()));
       else if (verifies_ && !options_.threshold && store.value(kCalibrationValue))
-        ignore("the map's calibration is for loops without registration");
+        ignore(store.name() + ": its calibration is for loops without registration");
     } catch (const InputError& error) {
       ignore(error.what());
     }

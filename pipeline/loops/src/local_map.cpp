@@ -23,11 +23,6 @@ uint64_t voxel_of(const Eigen::Vector3i& point) {
 
 }  // namespace
 
-LocalMap::LocalMap(double meters) : meters_(meters) {
-  if (!(meters >= 1 && meters <= 200))
-    throw UsageError("local map: expected 1 to 200 m, found ", meters);
-}
-
 PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor) {
   if (!T_world_sensor.matrix().allFinite())
     throw UsageError("local map: a pose has numbers that are not finite");

@@ -15,8 +15,7 @@ namespace revisit {
 /// in azimuth or with few points.
 class LocalMap {
  public:
-  /// Throws UsageError unless `meters` is 1 to 200.
-  explicit LocalMap(double meters);
+  explicit LocalMap(double meters) : meters_(meters) {}
   /// Returns the points of the last meters in the frame of `scan`, averaged per voxel. The view is
   /// valid until the next call.
   PointsView add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor);

@@ -262,7 +262,7 @@ void LoopDetector::Impl::store(const Description& scan, const PointCloud& cloud,
                    .pose = stamp.pose,
                    .feature = scan.feature,
                    .cloud = options.keep_clouds ? compact_cloud(cloud, mount) : ""};
-    found.index = map.add({std::move(entry)}).front();
+    found.index = map.add({std::move(entry)}, scan.made_by).front();
     for (RecentEntries& one : recent) one.add(*found.index);
   }
   if (!found.index) return;

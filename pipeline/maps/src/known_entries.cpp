@@ -79,7 +79,7 @@ void KnownEntries::read_new_entries() {
   std::vector<MapEntry> entries_read;
   const auto keep = [&, most = kMostNumbers / extractor_.dim](MapEntry&& entry) {
     if (size() + std::ssize(entries_read) == most)
-      throw InputError("the map's warm-up is not complete and has more than ", most,
+      throw InputError(map_.name(), ": its warm-up is not complete and has more than ", most,
                        " entries; build the map again with a smaller warm-up");
     entries_read.push_back(std::move(entry));
   };
@@ -92,13 +92,18 @@ void KnownEntries::read_new_entries() {
 
 void KnownEntries::look_for_projection() {
   if (is_complete()) return;
-  if (const auto content = map_.value(kProjectionValue))
-    complete(extractor_.open_projection(*content));
+  const auto content = map_.value(kProjectionValue);
+  if (content) try {
+      complete(extractor_.open_projection(*content));
+    } catch (const InputError& error) {
+      throw InputError(map_.name(), ": ", error.what());
+    }
 }
 
 /// The index holds the values; swap() frees their memory, unlike clear().
 void KnownEntries::take_in(MapEntry entry) {
-  if (const std::string misfit = misfit_of(entry); !misfit.empty()) return warn_(misfit);
+  if (const std::string problem = problem_of(entry); !problem.empty())
+    return warn_(str(map_.name(), ": entry ", entry.id, " is skipped: ", problem));
   if (!is_complete())
     collect(entry.feature);
   else if (entry.feature.empty())
@@ -112,18 +117,9 @@ void KnownEntries::take_in(MapEntry entry) {
 }
 
 /// Reason why an entry of a map, which may be untrusted, cannot be taken in; "" if it can.
-std::string KnownEntries::misfit_of(const MapEntry& entry) const {
-  const bool by_feature = !is_complete() || !entry.feature.empty();
-  const std::vector<float>& numbers = by_feature ? entry.feature : entry.descriptor;
-  const int64_t expected = by_feature ? extractor_.dim : projection_->dim;
-  std::string found;
-  if (std::ssize(numbers) != expected)
-    found = str(numbers.size(), " dimensions, expected ", expected);
-  else if (!is_usable(numbers))
-    found = kTooLarge;
-  if (found.empty()) return "";
-  return str("entry ", entry.id, " is skipped: its ", by_feature ? "feature" : "descriptor",
-             " has ", found);
+std::string KnownEntries::problem_of(const MapEntry& entry) const {
+  return misfit_of(entry, extractor_.dim,
+                   is_complete() ? std::optional(projection_->dim) : std::nullopt);
 }
 
 std::vector<int64_t> KnownEntries::add(std::vector<MapEntry> entries) {
@@ -175,7 +171,7 @@ void KnownEntries::store_projection() {
     if (!is_temporary_) {
       const bool is_first = map_.replace_descriptors(
           [&](const MapEntry& entry) {
-            return misfit_of(entry).empty() ? descriptor_of(entry.feature) : entry.descriptor;
+            return problem_of(entry).empty() ? descriptor_of(entry.feature) : entry.descriptor;
           },
           {{kProjectionValue, projection_->content}}, read_to_.revision);
       if (!is_first) return load_updates();
@@ -317,28 +313,31 @@ std::vector<int64_t> KnownEntries::around(int64_t index, bool margin) const {
   return {entries.begin(), entries.end()};
 }
 
-void KnownEntries::check_feature(std::span<const float> feature) const {
+void KnownEntries::check_feature(std::span<const float> feature, const std::string& made_by) const {
+  if (!made_by.empty() && made_by != extractor_.key)
+    throw UsageError("the scan was described by the feature '", made_by, "', ", map_.name(),
+                     " has '", extractor_.key, "'; describe the scan with this map");
   if (std::ssize(feature) != extractor_.dim)
     throw UsageError("the scan's feature has ", feature.size(), " dimensions; the feature '",
                      extractor_.name, "' has ", extractor_.dim);
   if (!is_usable(feature)) throw UsageError("the scan's feature has ", kTooLarge);
 }
 
-Match KnownEntries::best(std::span<const float> feature, std::span<const int64_t> without) const {
-  check_feature(feature);
+Match KnownEntries::best(const Description& scan, std::span<const int64_t> without) const {
+  check_feature(scan.feature, scan.made_by);
   if (entries_.empty() || !index_) return {};
   std::vector<int64_t> excluded(without.begin(), without.end());
   std::ranges::sort(excluded);
   const auto middle = excluded.insert(excluded.end(), removed_.begin(), removed_.end());
   std::ranges::inplace_merge(excluded, middle);
-  return index_->best(descriptor_of(feature), ranges_without(excluded, index_->size()),
+  return index_->best(descriptor_of(scan.feature), ranges_without(excluded, index_->size()),
                       {.k = options_.k, .score = *options_.score});
 }
 
-double KnownEntries::similarity(std::span<const float> feature, int64_t index) const {
-  check_feature(feature);
+double KnownEntries::similarity(const Description& scan, int64_t index) const {
+  check_feature(scan.feature, scan.made_by);
   at(index);
-  return index_->similarity(descriptor_of(feature), index);
+  return index_->similarity(descriptor_of(scan.feature), index);
 }
 
 }  // namespace revisit

@@ -53,9 +53,10 @@ class KnownEntries {
   bool is_ambiguous(int64_t index) const;
   std::vector<int64_t> around(int64_t index, bool margin) const;
 
-  void check_feature(std::span<const float> feature) const;
-  Match best(std::span<const float> feature, std::span<const int64_t> without) const;
-  double similarity(std::span<const float> feature, int64_t index) const;
+  /// Throws UsageError for another feature.
+  void check_feature(std::span<const float> feature, const std::string& made_by) const;
+  Match best(const Description& scan, std::span<const int64_t> without) const;
+  double similarity(const Description& scan, int64_t index) const;
 
  private:
   enum class State {
@@ -67,7 +68,7 @@ class KnownEntries {
   void read_new_entries();
   void look_for_projection();
   void take_in(MapEntry entry);
-  std::string misfit_of(const MapEntry& entry) const;
+  std::string problem_of(const MapEntry& entry) const;
   void collect(std::span<const float> feature);
   bool is_distinct(std::span<const float> feature);
   void estimate_projection();

@@ -36,7 +36,7 @@ class ScanDescriber {
   }
   Description describe(const PointsView& points) const {
     std::unique_ptr<Worker> worker = take();
-    Description scan;
+    Description scan{.made_by = extractor_.key};
     copy_points(points, worker->cloud);
     transform(options_.mount, worker->cloud);
     scan.feature.resize(static_cast<size_t>(extractor_.dim));
@@ -45,7 +45,7 @@ class ScanDescriber {
       worker->describe(worker->cloud, scan.feature);
       if (!is_usable(scan.feature)) throw InputError("its feature has ", kTooLarge);
     } catch (const InputError& error) {
-      scan = {{}, error.what()};
+      scan = {.error = error.what()};
     }
     give_back(std::move(worker));
     return scan;
@@ -152,7 +152,7 @@ struct Map::Impl {
     if (options.hnsw_candidates > 0 && extractor.comparison.similarity)
       throw UsageError("HNSW candidates: only for features compared by cosine, found '",
                        extractor.name, "'");
-    if (map) must_match("the map", map->fingerprint(), fingerprint_of(extractor, options));
+    if (map) must_match(map->name(), map->fingerprint(), fingerprint_of(extractor, options));
     options.score = score_of(extractor, options);
     described = std::make_unique<Described>(std::move(extractor), options, std::move(map), warn);
   }
@@ -166,24 +166,29 @@ struct Map::Impl {
     options.sensor = sensor;
   }
 
-  /// Opens the map if the sensor was not known. Returns false for a scan without points.
-  bool find_sensor(const PointsView& points) {
+  /// Opens the map if the sensor was not known. Returns "", or why the scan does not show it.
+  std::string find_sensor(const PointsView& points) {
+    constexpr int64_t kMinReturns = 500;
     const std::unique_lock lock(mutex);
-    if (described) return true;
+    if (described) return "";
     std::vector<PointCloud> scans(1);
     copy_points(points, scans.front());
-    if (std::ranges::none_of(scans.front().points, is_return)) return false;
+    const auto returns = std::ranges::count_if(scans.front().points, is_return);
+    if (returns == 0) return kNoPoints;
     transform(options.mount, scans.front());
     if (const std::string of_map = sensor_of_map(file, options.access); !of_map.empty()) {
       open_rings(of_map);  // another process has made it meanwhile
-      return true;
+      return "";
     }
+    if (options.local_map == 0 && returns < kMinReturns)
+      return str("the scan has ", returns, " returns, too few to recognize the sensor (at least ",
+                 kMinReturns, "); give the sensor");
     const auto [sensor, reason] =
         options.local_map == 0 ? choose_ring_model(scans)
                                : std::pair<std::string, std::string>("hdl64", "of local maps");
     open_rings(sensor);
     warn(str("sensor: ", sensor, " (", reason, ")"));
-    return true;
+    return "";
   }
 
   Described& known() const {
@@ -240,14 +245,16 @@ double local_map_of(const MapFingerprint& fingerprint) {
 }
 
 Description Map::describe(const PointsView& points) const {
-  if (extractor() == nullptr && !impl_->find_sensor(points)) return {{}, kNoPoints};
+  if (extractor() == nullptr)
+    if (std::string error = impl_->find_sensor(points); !error.empty())
+      return {.error = std::move(error)};
   return impl_->described->describer.describe(points);
 }
 
-std::vector<int64_t> Map::add(std::vector<MapEntry> entries) {
+std::vector<int64_t> Map::add(std::vector<MapEntry> entries, const std::string& made_by) {
   const std::unique_lock lock(impl_->mutex);
   KnownEntries& known = impl_->known().entries;
-  for (const MapEntry& entry : entries) known.check_feature(entry.feature);
+  for (const MapEntry& entry : entries) known.check_feature(entry.feature, made_by);
   std::vector<int64_t> indices;
   for (const int64_t id : known.add(std::move(entries))) {
     const auto index = known.find(id);
@@ -274,7 +281,7 @@ std::optional<Loop> Map::query(const Description& scan, std::span<const int64_t>
   const std::shared_lock lock(impl_->mutex);
   if (!scan.described()) return std::nullopt;
   const KnownEntries& entries = impl_->known().entries;
-  const Match match = entries.best(scan.feature, exclude);
+  const Match match = entries.best(scan, exclude);
   if (match.ranks.empty()) return std::nullopt;
   const int64_t index = match.ranks.front();
   const MapEntry& entry = entries.at(index);
@@ -294,7 +301,7 @@ std::optional<Loop> Map::query(const Description& scan, std::span<const int64_t>
 
 double Map::similarity(const Description& scan, int64_t index) const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->known().entries.similarity(scan.feature, index);
+  return impl_->known().entries.similarity(scan, index);
 }
 
 int64_t Map::size() const {

@@ -176,6 +176,17 @@ bool is_usable(std::span<const float> numbers) {
   return std::ranges::all_of(numbers, [](float v) { return std::abs(v) <= kLargest; });
 }
 
+std::string misfit_of(const MapEntry& entry, int64_t feature_dim,
+                      std::optional<int64_t> descriptor_dim) {
+  const bool by_feature = !descriptor_dim || !entry.feature.empty();
+  const std::vector<float>& numbers = by_feature ? entry.feature : entry.descriptor;
+  const int64_t expected = by_feature ? feature_dim : *descriptor_dim;
+  const char* const of = by_feature ? "its feature has " : "its descriptor has ";
+  if (std::ssize(numbers) != expected)
+    return str(of, numbers.size(), " dimensions, expected ", expected);
+  return is_usable(numbers) ? "" : str(of, kTooLarge);
+}
+
 void check_drive(const std::string& drive, const std::string& of) {
   if (has_zero_byte(drive))
     throw UsageError(of, "the name of drive '", drive.c_str(),
@@ -190,68 +201,92 @@ std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t entries) {
   return {ids.begin(), ids.end()};
 }
 
-EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number) {
+int64_t checksum_of(std::span<const SqlValue> columns) {
+  Checksum sum;
+  for (const SqlValue& value : columns)
+    if (const auto* integer = std::get_if<int64_t>(&value))
+      sum.number(*integer);
+    else if (const auto* real = std::get_if<double>(&value))
+      sum.number(1).number(std::bit_cast<int64_t>(*real));
+    else if (const auto* text = std::get_if<std::string_view>(&value))
+      sum.bytes(*text);
+    else if (const auto* blob = std::get_if<Blob>(&value))
+      sum.bytes(blob->bytes);
+    else
+      sum.number(0);
+  return sum.value();
+}
+
+EntryBytes encoded(const MapEntry& entry, DescriptorType format, size_t number) {
   const std::string of = str("entry ", number, " of those to add");
   check_drive(entry.drive, of + ": ");
   if (entry.time && !std::isfinite(*entry.time))
     throw UsageError(of, ": its time is not finite: ", *entry.time);
-  EntryRow row{.drive = entry.drive, .frame = entry.frame, .time = entry.time};
-  if (row.time) *row.time += 0.0;  // databases have no -0
+  EntryBytes bytes;
   if (entry.pose) {
     const PoseNumbers numbers = entry.pose->matrix().topRows<3>();
     if (!numbers.allFinite()) throw UsageError(of, ": its pose has numbers that are not finite");
-    row.pose = bytes_of_numbers(numbers.data(), 12);
+    bytes.pose = bytes_of_numbers(numbers.data(), 12);
   }
-  row.descriptor = descriptor_bytes(entry.descriptor, format, of + ": its descriptor");
-  row.feature = feature_bytes(entry.feature, of + ": its feature");
-  const size_t bytes = row.descriptor.size() + row.feature.size() + entry.drive.size();
-  if (bytes > kMaxBytes - 1000)
-    throw UsageError(of, " has ", bytes, " bytes, more than the limit of 256 MB");
-  return row;
+  bytes.descriptor = descriptor_bytes(entry.descriptor, format, of + ": its descriptor");
+  bytes.feature = feature_bytes(entry.feature, of + ": its feature");
+  const size_t size = bytes.descriptor.size() + bytes.feature.size() + entry.drive.size();
+  if (size > kMaxBytes - 1000)
+    throw UsageError(of, " has ", size, " bytes, more than the limit of 256 MB");
+  return bytes;
 }
 
-int64_t checksum_of(int64_t id, const EntryRow& row) {
-  return Checksum()
-      .number(id)
-      .bytes(row.drive)
-      .number(row.frame)
-      .number(row.time ? 1 : 0)
-      .number(std::bit_cast<int64_t>(row.time.value_or(0)))
-      .bytes(row.pose)
-      .bytes(row.descriptor)
-      .bytes(row.feature)
-      .number(row.revision)
-      .value();
+std::vector<SqlValue> entry_columns(int64_t id, const MapEntry& entry, const EntryBytes& bytes,
+                                    int64_t revision) {
+  const auto null_if_empty = [](std::string_view value) {
+    return value.empty() ? SqlValue(nullptr) : SqlValue(Blob{value});
+  };
+  return {id,
+          entry.drive,
+          entry.frame,
+          entry.time ? SqlValue(*entry.time + 0.0) : nullptr,  // databases have no -0
+          null_if_empty(bytes.pose),
+          Blob{bytes.descriptor},
+          null_if_empty(bytes.feature),
+          revision};
 }
 
-std::string take_row(int64_t id, const EntryRow& row, const MapHeader& header, MapEntry& entry) {
-  if (checksum_of(id, row) != row.checksum) return "its checksum is wrong";
-  if (row.revision != header.revision) return "it is older than the map's other descriptors";
+std::string read_entry(const SqlRow& row, const MapHeader& header, MapEntry& entry) try {
+  const size_t last = row.cells.size() - 1;
+  if (checksum_of(std::span(row.cells).first(last)) != row.integer(last))
+    return "its checksum is wrong";
+  if (row.integer(7) != header.revision) return "it is older than the map's other descriptors";
 
   // Checksums do not protect against untrusted files.
-  if (row.descriptor.size() % static_cast<size_t>(bytes_of(header.format)) != 0 ||
-      (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))
+  const std::string_view drive = row.bytes(1), pose = row.bytes(4), descriptor = row.bytes(5);
+  if (descriptor.size() % static_cast<size_t>(bytes_of(header.format)) != 0 ||
+      (pose.size() != 12 * sizeof(double) && !pose.empty()))
     return "its columns have impossible lengths";
-  std::optional<std::vector<float>> feature = feature_from(row.feature, header.fingerprint);
+  std::optional<std::vector<float>> feature = feature_from(row.bytes(6), header.fingerprint);
   if (!feature) return "its feature is corrupt or has other dimensions";
-  entry = {.id = id, .drive = row.drive, .frame = row.frame, .time = row.time};
-  if (!row.pose.empty()) {
-    const std::vector<double> numbers = numbers_of<double>(row.pose);
+  entry = {.id = row.integer(0),
+           .drive = std::string(drive),
+           .frame = row.integer(2),
+           .time = row.real(3)};
+  if (!pose.empty()) {
+    const std::vector<double> numbers = numbers_of<double>(pose);
     entry.pose = Eigen::Isometry3d::Identity();
     entry.pose->matrix().topRows<3>() = Eigen::Map<const PoseNumbers>(numbers.data());
   }
   if (header.format == DescriptorType::kFloat16) {
-    const std::vector<Eigen::half> halves = numbers_of<Eigen::half>(row.descriptor);
+    const std::vector<Eigen::half> halves = numbers_of<Eigen::half>(descriptor);
     entry.descriptor.assign(halves.begin(), halves.end());
   } else {
-    entry.descriptor = numbers_of<float>(row.descriptor);
+    entry.descriptor = numbers_of<float>(descriptor);
   }
   entry.feature = *std::move(feature);
   if (!std::isfinite(entry.time.value_or(0)) || (entry.pose && !entry.pose->matrix().allFinite()) ||
       !all_finite(entry.descriptor) || !all_finite(entry.feature))
     return "it has numbers that are not finite";
-  if (has_zero_byte(row.drive)) return "the name of its drive has a zero byte";
+  if (has_zero_byte(drive)) return "the name of its drive has a zero byte";
   return "";
+} catch (const InputError&) {
+  return "a column has a value of another type";
 }
 
 }  // namespace revisit

@@ -77,23 +77,22 @@ struct Counts {
   int64_t entries = 0, values = 0;
 };
 
-/// Columns of an entry except the id. Bytes are little-endian, the machine's own byte order.
-struct EntryRow {
-  std::string drive;
-  int64_t frame = 0;
-  std::optional<double> time;
+/// FNV-1a over the columns of a row.
+int64_t checksum_of(std::span<const SqlValue> columns);
+
+/// Encoded values of an entry. Bytes are little-endian, the machine's own byte order.
+struct EntryBytes {
   std::string pose;        // "", or 12 float64 [3][4]
   std::string descriptor;  // float32 or float16
   std::string feature;     // bfloat16, deflated
-  int64_t revision = 0, checksum = 0;
 };
-
-/// Without revision and checksum. `number`: index in the call, from 1. Throws UsageError for values
-/// that cannot be stored.
-EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number);
-int64_t checksum_of(int64_t id, const EntryRow& row);
-/// Returns "", or the problem of the row.
-std::string take_row(int64_t id, const EntryRow& row, const MapHeader& header, MapEntry& entry);
+/// `number`: index in the call, from 1. Throws UsageError for values that cannot be stored.
+EntryBytes encoded(const MapEntry& entry, DescriptorType format, size_t number);
+/// Columns id, drive, frame, time, pose, descriptor, feature, revision. Refers to the arguments.
+std::vector<SqlValue> entry_columns(int64_t id, const MapEntry& entry, const EntryBytes& bytes,
+                                    int64_t revision);
+/// Reads these columns and their checksum. Returns "", or the problem of the row.
+std::string read_entry(const SqlRow& row, const MapHeader& header, MapEntry& entry);
 
 /// Maximum dimensions of a feature, so that a small row of an untrusted map takes at most 64 MB.
 inline constexpr uint32_t kMaxFeature = 1 << 24;
@@ -110,6 +109,10 @@ std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t entries);
 inline constexpr float kLargest = 1e9F;
 inline constexpr const char* kTooLarge = "numbers that are not finite, or above 1e9";
 bool is_usable(std::span<const float> numbers);
+/// Returns "", or why a map with these dimensions cannot use the entry. `descriptor_dim`: absent
+/// during the warm-up.
+std::string misfit_of(const MapEntry& entry, int64_t feature_dim,
+                      std::optional<int64_t> descriptor_dim);
 
 /// Statements beside those of MapStore, in a transaction. Definitions: one per table, in this
 /// order.
@@ -118,9 +121,8 @@ std::vector<std::string> table_definitions(const SqlDialect& dialect);
 void create_tables(SqlDriver& driver, const MapHeader& header);
 void write_header(SqlDriver& driver, const MapHeader& header);
 void write_counts(SqlDriver& driver, const Counts& counts);
-/// With the ids `first`, `first` + 1, ... Many rows share a statement, because each takes a round
-/// trip to a server.
-void insert_entries(SqlDriver& driver, int64_t first, std::span<EntryRow> rows, int64_t revision);
+/// Rows of entry_columns(). Many share a statement, because each takes a round trip to a server.
+void insert_entries(SqlDriver& driver, std::span<const std::vector<SqlValue>> rows);
 void write_removed(SqlDriver& driver, int64_t entry);
 
 }  // namespace revisit

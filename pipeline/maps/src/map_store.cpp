@@ -18,19 +18,6 @@ constexpr const char* kRecordingOf = "recording of ";
 /// A corrupt name may be NULL or a blob in a file.
 constexpr const char* kNameOfValue = "coalesce(CAST(name AS TEXT), '')";
 
-/// Of all tables but `entry`, which has columns that may be NULL.
-int64_t checksum_of(std::span<const SqlValue> columns) {
-  Checksum sum;
-  for (const SqlValue& value : columns)
-    if (const auto* number = std::get_if<int64_t>(&value))
-      sum.number(*number);
-    else if (const auto* text = std::get_if<std::string_view>(&value))
-      sum.bytes(*text);
-    else if (const auto* blob = std::get_if<Blob>(&value))
-      sum.bytes(blob->bytes);
-  return sum.value();
-}
-
 /// Appends their checksum to the values.
 void write_row(SqlDriver& driver, const std::string& sql, std::vector<SqlValue> values) {
   values.emplace_back(checksum_of(values));
@@ -46,10 +33,6 @@ void read_rows(SqlDriver& driver, const std::string& sql, const std::vector<SqlV
       driver.fail_corrupt("the checksum of " + of + " is wrong");
     take(row);
   });
-}
-
-SqlValue null_if_empty(std::string_view bytes) {
-  return bytes.empty() ? SqlValue(nullptr) : SqlValue(Blob{bytes});
 }
 
 /// `lock`: SqlDialect::for_update before a change. Ids are then assigned in the order of commits:
@@ -99,20 +82,7 @@ int64_t for_each_entry(SqlDriver& driver, const MapHeader& header, int64_t& afte
           after = id;
           ++rows;
           MapEntry entry;
-          std::string problem = "a column has a value of another type";
-          try {
-            problem = take_row(id,
-                               {.drive = std::string(row.bytes(1)),
-                                .frame = row.integer(2),
-                                .time = row.real(3),
-                                .pose = std::string(row.bytes(4)),
-                                .descriptor = std::string(row.bytes(5)),
-                                .feature = std::string(row.bytes(6)),
-                                .revision = row.integer(7),
-                                .checksum = row.integer(8)},
-                               header, entry);
-          } catch (const InputError&) {
-          }
+          const std::string problem = read_entry(row, header, entry);
           if (problem.empty())
             take(std::move(entry));
           else
@@ -225,19 +195,7 @@ void write_counts(SqlDriver& driver, const Counts& counts) {
             {counts.entries, counts.values});
 }
 
-namespace {
-
-/// They refer to `row`.
-void append_values(std::vector<SqlValue>& values, int64_t id, EntryRow& row, int64_t revision) {
-  row.revision = revision;
-  values.insert(values.end(), {id, row.drive, row.frame, row.time ? SqlValue(*row.time) : nullptr,
-                               null_if_empty(row.pose), Blob{row.descriptor},
-                               null_if_empty(row.feature), revision, checksum_of(id, row)});
-}
-
-}  // namespace
-
-void insert_entries(SqlDriver& driver, int64_t first, std::span<EntryRow> rows, int64_t revision) {
+void insert_entries(SqlDriver& driver, std::span<const std::vector<SqlValue>> rows) {
   constexpr size_t kRowsAtOnce = 50, kBytesAtOnce = 1 << 20;
   while (!rows.empty()) {
     std::string sql =
@@ -247,11 +205,13 @@ void insert_entries(SqlDriver& driver, int64_t first, std::span<EntryRow> rows, 
     size_t n = 0, bytes = 0;
     for (; n < std::min(rows.size(), kRowsAtOnce) && bytes < kBytesAtOnce; ++n) {
       const size_t before = values.size();
-      append_values(values, first++, rows[n], revision);
+      values.insert(values.end(), rows[n].begin(), rows[n].end());
+      values.emplace_back(checksum_of(rows[n]));
       for (size_t i = before; i < values.size(); ++i)
         sql += str(i > before ? ", $" : before > 0 ? ", ($" : "($", i + 1);
       sql += ")";
-      bytes += rows[n].descriptor.size() + rows[n].feature.size();
+      for (const SqlValue& value : rows[n])
+        if (const auto* blob = std::get_if<Blob>(&value)) bytes += blob->bytes.size();
     }
     driver.execute(sql, values);
     rows = rows.subspan(n);
@@ -279,6 +239,10 @@ void MapStore::must_be_writer() const {
     throw UsageError(driver_->name(), ": this map was opened for reading (MapAccess)");
 }
 
+const std::string& MapStore::name() const {
+  return driver_->name();
+}
+
 int64_t MapStore::size() const {
   return driver_->run(Locking::kReads, [&] {
     return std::max<int64_t>(0, read_counts(*driver_).entries - count_removed(*driver_, 0));
@@ -288,7 +252,8 @@ int64_t MapStore::size() const {
 std::optional<int64_t> MapStore::dimensions() const {
   return driver_->run(Locking::kReads, [&]() -> std::optional<int64_t> {
     const auto bytes = driver_->integer(
-        "SELECT length(descriptor) FROM entry WHERE length(descriptor) > 0 LIMIT 1");
+        "SELECT length(descriptor) FROM entry WHERE length(descriptor) > 0 GROUP BY "
+        "length(descriptor) ORDER BY count(*) DESC LIMIT 1");
     if (!bytes) return std::nullopt;
     return *bytes / bytes_of(descriptor_type_);
   });
@@ -310,9 +275,9 @@ void MapStore::set_value(const std::string& name, const std::string& bytes) {
 std::vector<int64_t> MapStore::add(std::span<const MapEntry> entries,
                                    std::optional<int64_t> revision) {
   must_be_writer();
-  std::vector<EntryRow> rows;
+  std::vector<EntryBytes> bytes;
   for (const MapEntry& entry : entries)
-    rows.push_back(entry_row(entry, descriptor_type_, rows.size() + 1));
+    bytes.push_back(encoded(entry, descriptor_type_, bytes.size() + 1));
   if (entries.empty()) return {};
   return driver_->run(Locking::kWrites, [&] {
     std::vector<int64_t> ids;
@@ -325,13 +290,15 @@ std::vector<int64_t> MapStore::add(std::span<const MapEntry> entries,
     if (claimed_on_ && *claimed_on_ != driver_->connections)
       throw ClaimLost(driver_->name(),
                       ": the connection was lost; claimed scans can be claimed again");
-    insert_entries(*driver_, counts.entries + 1, rows, current);
-    for (size_t i = 0; i < rows.size(); ++i) {
+    std::vector<std::vector<SqlValue>> rows;
+    for (size_t i = 0; i < entries.size(); ++i) {
       ids.push_back(++counts.entries);
+      rows.push_back(entry_columns(ids.back(), entries[i], bytes[i], current));
       if (!entries[i].cloud.empty())
         write_row(*driver_, "INSERT INTO cloud (id, bytes, checksum) VALUES ($1, $2, $3)",
                   {ids.back(), Blob{entries[i].cloud}});
     }
+    insert_entries(*driver_, rows);
     write_counts(*driver_, counts);
     driver_->notify();
     return ids;
@@ -431,8 +398,15 @@ bool MapStore::has_updates() {
 }
 
 void MapStore::check(const Warn& report) const {
-  read(
-      0, [](MapEntry&&) {}, report);
+  const auto feature = fingerprint_.find(kFeatureDimensions);
+  const std::optional<int64_t> descriptor_dim = dimensions();
+  const auto take = [&](MapEntry&& entry) {
+    if (feature == fingerprint_.end()) return;  // not of a Map
+    const int64_t feature_dim = std::atoll(feature->second.c_str());
+    const std::string misfit = misfit_of(entry, feature_dim, descriptor_dim);
+    if (!misfit.empty()) report(str(name(), ": entry ", entry.id, ": ", misfit));
+  };
+  read(0, take, report);
   driver_->transaction(Locking::kReads, [&] {
     read_values(*driver_, "");
     read_removed(*driver_, 0);
@@ -462,13 +436,11 @@ bool MapStore::replace_descriptors(
     const auto replace = [&](MapEntry&& entry) {
       entry.descriptor = descriptor_of(entry);
       entry.feature.clear();
-      EntryRow row = entry_row(entry, header.format, static_cast<size_t>(entry.id));
-      std::vector<SqlValue> columns;
-      append_values(columns, entry.id, row, revision + 1);
-      driver_->execute(
-          "UPDATE entry SET drive = $2, frame = $3, time = $4, pose = $5, descriptor = $6, feature "
-          "= $7, revision = $8, checksum = $9 WHERE id = $1",
-          columns);
+      const EntryBytes bytes = encoded(entry, header.format, static_cast<size_t>(entry.id));
+      write_row(*driver_,
+                "UPDATE entry SET drive = $2, frame = $3, time = $4, pose = $5, descriptor = $6, "
+                "feature = $7, revision = $8, checksum = $9 WHERE id = $1",
+                entry_columns(entry.id, entry, bytes, revision + 1));
     };
     for_each_entry(*driver_, header, after, last, replace, [](int64_t, const std::string&) {});
     ++header.revision;

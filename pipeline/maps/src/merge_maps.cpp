@@ -52,7 +52,6 @@ namespace {
 struct Source {
   fs::path file;
   std::unique_ptr<MapStore> map;
-  int64_t last = 0;  // last entry to merge; others may add more meanwhile
 };
 
 /// Checksum without the name of the drive, with values rounded to `format`.
@@ -78,27 +77,30 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
         throw UsageError("merging maps: ", display_name(map), " is given twice");
     sources.push_back({map, open_map(map, MapAccess::kRead,
                                      sources.empty() ? nullptr : &sources[0].map->fingerprint())});
-    if (sources.back().map->value(kProjectionValue) != sources[0].map->value(kProjectionValue))
+    const auto projection = sources.back().map->value(kProjectionValue),
+               first = sources[0].map->value(kProjectionValue);
+    if (projection != first)
       throw InputError(display_name(map),
-                       ": its entries have another descriptor projection than those of ",
+                       !projection ? ": its warm-up is not complete, unlike that of "
+                       : !first    ? ": its warm-up is complete, unlike that of "
+                                : ": its entries have another descriptor projection than those of ",
                        display_name(maps[0]), "; only a new map can take over a projection");
   }
   return sources;
 }
 
-/// Names of drives in the merged map. A drive that shares scans with a drive of an earlier map, and
+/// Recordings in the merged map. A drive that shares scans with a drive of an earlier map, and
 /// has no different scan with the same frame, is the same recording and gets its name. Another
 /// recording with a used name becomes MAP/NAME.
-class DriveNames {
+class Recordings {
  public:
-  explicit DriveNames(DescriptorType format) : format_(format) {}
-  void add(Source& source, const MapStore::Warn& report) {
-    std::map<std::string, Scans> drives;
-    const auto take = [&](MapEntry&& entry) {
-      drives[entry.drive].emplace(entry.frame, content_of(entry, format_));
-    };
-    source.last = source.map->read(0, take, report).last;
-    auto& names = names_[&source];
+  using Scans = std::map<int64_t, int64_t>;  // frame -> content
+
+  /// Returns the names of these drives in the merged map.
+  std::map<std::string, std::string> add(const Source& source,
+                                         const std::map<std::string, Scans>& drives,
+                                         const MapStore::Warn& report) {
+    std::map<std::string, std::string> names;
     std::set<std::string> assigned;
     for (const auto& [drive, scans] : drives) {
       const std::optional<std::string> known_as = recording_of(source, drive, scans, assigned);
@@ -113,14 +115,10 @@ class DriveNames {
     }
     for (const auto& [drive, scans] : drives)
       recordings_[names[drive]].insert(scans.begin(), scans.end());
-  }
-  const std::string& name_of(const Source& source, const std::string& drive) const {
-    return names_.at(&source).at(drive);
+    return names;
   }
 
  private:
-  using Scans = std::map<int64_t, int64_t>;  // frame -> content
-
   static std::string of_map(const Source& source, const std::string& drive) {
     const std::string map =
         is_server_address(source.file.string()) ? "server" : source.file.stem().string();
@@ -148,8 +146,6 @@ class DriveNames {
     return free;
   }
 
-  DescriptorType format_;
-  std::map<const Source*, std::map<std::string, std::string>> names_;
   std::map<std::string, Scans> recordings_;
 };
 
@@ -162,9 +158,6 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     return source.map->descriptor_type() == DescriptorType::kFloat16;
   });
   const DescriptorType compared = rounded ? DescriptorType::kFloat16 : DescriptorType::kFloat32;
-  DriveNames names(compared);
-  for (Source& source : sources) names.add(source, report);
-
   const MapStore& first = *sources[0].map;
   const auto merged =
       open_map(file, MapAccess::kNew, &first.fingerprint(), first.descriptor_type());
@@ -178,21 +171,29 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     else if (value)
       merged->set_value(name, *value);
   }
+  Recordings recordings;
   std::set<int64_t> scans;
   for (const Source& source : sources) {
-    std::vector<MapEntry> entries;
+    std::map<std::string, Recordings::Scans> drives;
     std::set<int64_t> scans_here;
+    const auto list = [&](MapEntry&& entry) {
+      const int64_t content = content_of(entry, compared);
+      drives[entry.drive].emplace(entry.frame, content);
+      scans_here.insert(content);
+    };
+    const int64_t last = source.map->read(0, list, report).last;
+    const auto names = recordings.add(source, drives, report);
+
+    std::vector<MapEntry> entries;
     // A second connection, for use during read()
     const auto clouds = open_map(source.file, MapAccess::kRead);
     int64_t known = 0;
     source.map->read(
         0,
         [&](MapEntry&& entry) {
-          if (entry.id > source.last) return;
-          const int64_t content = content_of(entry, compared);
-          if (scans.contains(content)) return void(++known);
-          scans_here.insert(content);
-          entry.drive = names.name_of(source, entry.drive);
+          if (entry.id > last) return;  // added meanwhile
+          if (scans.contains(content_of(entry, compared))) return void(++known);
+          entry.drive = names.at(entry.drive);
           try {
             entry.cloud = clouds->cloud(entry.id);
           } catch (const InputError& error) {

@@ -64,16 +64,17 @@ void check_projection(const MapStore& map) {
   const auto projection = map.value(kProjectionValue);
   MapFingerprint fingerprint = map.fingerprint();
   if (!projection || fingerprint["feature"] != "ring") return;
-  const int64_t dim = parse_ring_model(*projection, "the map's projection").dim();
+  const std::string name = map.name() + ": its projection";
+  const int64_t dim = parse_ring_model(*projection, name).dim();
   if (str(dim) != fingerprint[kFeatureDimensions])
-    throw InputError("the map's projection: for ", dim, " dimensions, but its features have ",
+    throw InputError(name, ": for ", dim, " dimensions, but its features have ",
                      fingerprint[kFeatureDimensions]);
 }
 
 void check_calibrations(const MapStore& map, const MapStore::Warn& report) {
   for (const char* name : {kCalibrationValue, kVerifiedCalibrationValue}) try {
       if (const auto content = map.value(name); content && !content->empty())
-        parse_calibration(*content, str("the map's ", name));
+        parse_calibration(*content, str(map.name(), ": its ", name));
     } catch (const InputError& error) {
       report(error.what());
     }

@@ -262,8 +262,8 @@ TEST(LoopDetector, IgnoresUnusableCalibrationsOfAMap) {
   const std::string other = calibration_content(some_calibration(1.2, Score::kSimilarity));
   const std::string bad = "nonsense";
   for (const auto& [verify, name, content, problem] :
-       {std::tuple(false, kCalibrationValue, bad, "the map's calibration: not a usable"),
-        {true, kVerifiedCalibrationValue, bad, "the map's verified calibration: not a usable"},
+       {std::tuple(false, kCalibrationValue, bad, "a.map: its calibration: not a usable"),
+        {true, kVerifiedCalibrationValue, bad, "a.map: its verified calibration: not a usable"},
         {false, kCalibrationValue, other,
          "for k = 4 and the score similarity, not for k = 4 and margin"},
         {true, kVerifiedCalibrationValue, other,

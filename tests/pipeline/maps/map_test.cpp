@@ -373,7 +373,8 @@ TEST(Map, SkipsUnusableEntries) {
   auto map = open();
   ASSERT_EQ(problems.size(), 3);
   EXPECT_HAS(problems[0], "entry 1 is skipped: its feature has 0 dimensions, expected 6");
-  EXPECT_HAS(problems[1], "entry 2 is skipped: its feature has numbers that are not finite, or");
+  EXPECT_HAS(problems[1], "a.map: entry 2 is skipped: its feature has numbers that are not fini");
+  EXPECT_EQ(check_map(folder / "a.map").size(), 3);
   EXPECT_EQ(map->size(), 1);
   for (int i = 1; i < 30; ++i) add_scan(*map, described(*map, i));  // beyond the warm-up's end
   map.reset();
@@ -382,6 +383,7 @@ TEST(Map, SkipsUnusableEntries) {
   EXPECT_HAS(problems[0], "its descriptor has 3 dimensions, expected 6");
   EXPECT_EQ(map->size(), 30);
   EXPECT_EQ(best_match(*map, 107)->id, 11);
+  EXPECT_EQ(check_map(folder / "a.map").size(), 3);
 }
 
 TEST(Map, DoesExpensiveWorkOnce) {
@@ -506,6 +508,9 @@ TEST(Map, FindsItsSensorInTheFirstScan) {
     const Description early{.feature = {1, 2}, .error = ""};
     expect_error<UsageError>([&] { map.query(early); }, {"describe a scan first"});
     expect_error<UsageError>([&] { add_scan(map, early); }, {"describe a scan first"});
+    PointCloud few = street(kVlp16);
+    few.points.resize(300);
+    EXPECT_HAS(map.describe(view_of(few)).error, "has 300 returns, too few");
     const Description scan = map.describe(view_of(street(kVlp16)));
     ASSERT_EQ(messages.size(), 1);
     EXPECT_HAS(messages[0], "sensor: vlp16 (16 beams");
@@ -612,6 +617,20 @@ TEST(Map, IsThreadSafe) {
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(right, 100);
   EXPECT_EQ(map.size(), 200);
+}
+
+TEST(Map, RejectsScansDescribedByAnotherFeature) {
+  FeatureExtractor other = coordinates();
+  other.key = "coordinates 2";
+  Map map(coordinates(), {.warmup = 2}), another(other, {.warmup = 2});
+  drive(map, 0, 4);
+  const Description scan = described(another, 1);
+  for (const std::function<void()>& work :
+       {std::function<void()>([&] { map.query(scan); }), {[&] { map.similarity(scan, 0); }}, {[&] {
+          map.add({{.feature = scan.feature}}, scan.made_by);
+        }}})
+    expect_error<UsageError>(work, {"'coordinates 2'", "'coordinates 1'"});
+  EXPECT_EQ(map.size(), 4);
 }
 
 }  // namespace

@@ -31,12 +31,6 @@ const SqlDialect kPostgres{.id = "BIGINT PRIMARY KEY",
                            .integrity_check = nullptr,
                            .give_back_space = nullptr};
 
-/// Table `writer`: number of transactions that a process has committed.
-constexpr const char* kTablesOfServer[] = {
-    "ALTER TABLE map ADD version INTEGER NOT NULL DEFAULT 1",
-    "CREATE TABLE writer (id BIGINT PRIMARY KEY, transactions BIGINT NOT NULL)"};
-static_assert(kMapVersion == 1);
-
 /// Column of a result in the server's binary format. Texts and blobs are their bytes.
 SqlValue value_of(const PGresult* result, int row, int column) {
   enum Type : Oid { kInt8 = 20, kInt2 = 21, kInt4 = 23, kFloat8 = 701 };
@@ -104,7 +98,7 @@ class PostgresDriver : public SqlDriver {
 
   postgres::Address address_;
   std::string channel_;
-  int64_t id_, transactions_ = 0;  // row of table `writer`
+  int64_t id_, transactions_ = 0;  // row of table `writer`: number of transactions committed
   std::unique_ptr<PGconn, decltype(&PQfinish)> connection_{nullptr, &PQfinish};
 };
 
@@ -333,7 +327,9 @@ std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess
                          " has tables, but not a map; use another map=NAME");
       driver->execute("CREATE SCHEMA IF NOT EXISTS " + schema);
       create_tables(*driver, {.fingerprint = *fingerprint, .format = format});
-      for (const char* table : kTablesOfServer) driver->execute(table);
+      static_assert(kMapVersion == 1);
+      driver->execute("ALTER TABLE map ADD version INTEGER NOT NULL DEFAULT 1");
+      driver->execute("CREATE TABLE writer (id BIGINT PRIMARY KEY, transactions BIGINT NOT NULL)");
     });
   if (access == MapAccess::kNew && exists) throw InputError(driver->name(), ": already exists");
   return driver;

@@ -21,8 +21,9 @@
 namespace revisit {
 
 struct MapOptions {
-  /// Sensor of a shipped ring model. "": that of the map, else the nearest to the first scan
-  /// (choose_ring_model()), or hdl64 for local maps of any sensor (docs/SLAM.md).
+  /// Sensor of a shipped ring model. "": that of the map, else choose_ring_model() decides by the
+  /// first scan with at least 500 returns; scans before it are not described. Local maps of any
+  /// sensor have hdl64 (docs/SLAM.md).
   std::string sensor;
   MapAccess access = MapAccess::kWrite;
   int threads = 1;  // to describe a scan
@@ -52,6 +53,7 @@ struct MapOptions {
 struct Description {
   std::vector<float> feature;  // empty if the scan could not be described
   std::string error;
+  std::string made_by;  // FeatureExtractor::key; "": any feature of these dimensions
   bool described() const { return !feature.empty(); }
 };
 
@@ -102,10 +104,10 @@ class Map {
   Description describe(const PointsView& points) const;
   /// Adds entries, or none, in one transaction and returns their indices, which follow those of
   /// entries that other processes added before. Each needs MapEntry::feature, of describe(). Also
-  /// completes a warm-up that a killed process left unfinished. Throws UsageError for a feature of
-  /// other dimensions, and what MapStore::add() throws; the entries are then not added to this
-  /// object either.
-  std::vector<int64_t> add(std::vector<MapEntry> entries);
+  /// completes a warm-up that a killed process left unfinished. `made_by`: Description::made_by of
+  /// the features. Throws UsageError for another feature, and what MapStore::add() throws; the
+  /// entries are then not added to this object either.
+  std::vector<int64_t> add(std::vector<MapEntry> entries, const std::string& made_by = "");
   /// Removes entries, also from the file (MapStore::remove()), and returns the number removed now.
   /// Other indices do not change.
   int64_t remove(std::span<const int64_t> indices);
@@ -114,10 +116,10 @@ class Map {
   int64_t refresh();
 
   /// Best match, without the entries at the indices `exclude` (in any order), which are temporal
-  /// neighbors. Empty if there is none or the scan was not described. Throws UsageError for a scan
-  /// with other dimensions.
+  /// neighbors. Empty if there is none or the scan was not described. Throws UsageError for another
+  /// feature.
   std::optional<Loop> query(const Description& scan, std::span<const int64_t> exclude = {}) const;
-  /// Throws UsageError for a scan with other dimensions.
+  /// Throws UsageError for another feature.
   double similarity(const Description& scan, int64_t index) const;
 
   /// Number of indices in use: entries, including those removed since they were loaded.

@@ -70,11 +70,13 @@ class MapStore {
   MapStore(std::unique_ptr<SqlDriver> driver, MapAccess access);
   ~MapStore();
 
+  /// For messages.
+  const std::string& name() const;
   const MapFingerprint& fingerprint() const { return fingerprint_; }
   DescriptorType descriptor_type() const { return descriptor_type_; }
   /// Number of entries, without the removed ones.
   int64_t size() const;
-  /// Dimensions of the stored descriptors; absent during the warm-up.
+  /// Dimensions of most stored descriptors; absent during the warm-up.
   std::optional<int64_t> dimensions() const;
 
   /// Named bytes beside the entries. Throws InputError if they are corrupt.
