@@ -1,6 +1,7 @@
 #include "revisit/base/text.h"
 
 #include <charconv>
+#include <cmath>
 
 #include "revisit/base/error.h"
 #include "revisit/base/hash.h"
@@ -10,6 +11,14 @@ namespace revisit {
 std::string exact(double value) {
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
+std::optional<double> finite_number(std::string_view text) {
+  double number = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, number);
+  if (error != std::errc() || stop != end || !std::isfinite(number)) return std::nullopt;
+  return number;
 }
 
 std::string plural(int64_t count, std::string_view what) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -66,15 +65,10 @@ PerturbationStep parse_step(std::string_view text, std::string_view whole) {
                      "; or none alone");
   }
   PerturbationStep step{row->kind, std::nullopt};
-  double amount = 0;
   bool good = row->may_lack_amount;
   if (equals != std::string_view::npos) {
-    const std::string_view number = text.substr(equals + 1);
-    const char* const end = number.data() + number.size();
-    const auto [stop, error] = std::from_chars(number.data(), end, amount);
-    good = row->fits && error == std::errc() && stop == end && std::isfinite(amount) &&
-           row->fits(amount);
-    step.amount = amount;
+    step.amount = finite_number(text.substr(equals + 1));
+    good = row->fits && step.amount && row->fits(*step.amount);
   }
   if (!good)
     throw UsageError("perturbation '", whole, "': ", word, " takes ", row->expected, ", found '",

@@ -1,9 +1,8 @@
-#include "revisit/loops/drive_name.h"
-
 #include <bit>
 
 #include "revisit/base/error.h"
 #include "revisit/base/hash.h"
+#include "revisit/loops/loop_detector.h"
 
 namespace revisit {
 namespace {

@@ -1,13 +1,11 @@
 #include "revisit/loops/loop_detector.h"
 
-#include <charconv>
-#include <cmath>
 #include <utility>
 
 #include "acceptance.h"
 #include "local_map.h"
 #include "revisit/base/error.h"
-#include "revisit/loops/drive_name.h"
+#include "revisit/base/text.h"
 #include "revisit/recognition/align.h"
 #include "revisit/registration/registration.h"
 
@@ -37,11 +35,9 @@ class Keyframes {
     const size_t equals = std::min(text.find('='), text.size());
     kind_ = text.substr(0, equals);
     const bool is_similarity = kind_ == "similarity";
-    const char* const end = text.data() + text.size();
-    const auto [stop, error] =
-        std::from_chars(text.data() + std::min(equals + 1, text.size()), end, amount_);
-    if ((!is_similarity && kind_ != "meters") || error != std::errc() || stop != end ||
-        !std::isfinite(amount_) || amount_ <= 0 || (is_similarity && amount_ > 1))
+    amount_ =
+        finite_number(std::string_view(text).substr(std::min(equals + 1, text.size()))).value_or(0);
+    if ((!is_similarity && kind_ != "meters") || amount_ <= 0 || (is_similarity && amount_ > 1))
       throw UsageError("keyframes: expected all, meters=L or similarity=S (above 0, at most 1), ",
                        "found '", text, "'");
   }

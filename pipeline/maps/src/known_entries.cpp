@@ -233,7 +233,12 @@ void KnownEntries::update() {
     indexed_from_ = estimated_from_;
     for (int64_t i = index_->size(); i < size(); ++i) index_->add(descriptor_of(features_.row(i)));
   }
-  if (stretches_) stretches_->add(entries_, *index_);
+  if (stretches_) {
+    std::vector<DriveScan> added;
+    for (int64_t i = stretches_->size(); i < size(); ++i)
+      added.push_back({at(i).drive, at(i).frame, at(i).pose});
+    stretches_->add(added, *index_);
+  }
   use_graph();
 }
 

@@ -11,7 +11,7 @@
 #include "revisit/maps/map.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/place_index.h"
-#include "stretches.h"
+#include "revisit/recognition/stretches.h"
 
 namespace revisit {
 

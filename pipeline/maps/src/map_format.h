@@ -18,7 +18,7 @@
 namespace revisit {
 
 constexpr int kApplicationId = 0x52565354;  // "RVST"
-constexpr int kMapVersion = 1;
+constexpr int kMapVersion = 2;
 /// Maximum length of a text or blob, and almost that of a row [bytes].
 constexpr int kMaxBytes = 256 << 20;
 

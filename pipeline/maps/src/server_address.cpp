@@ -1,10 +1,10 @@
 #include <algorithm>
-#include <charconv>
 #include <sstream>
 #include <utility>
 
 #include "postgres_map.h"
 #include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit::postgres {
 namespace {
@@ -22,9 +22,8 @@ void check_map_name(const std::string& map) {
 }
 
 std::chrono::milliseconds seconds(const std::string& text) {
-  double value = -1;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !(value >= 0 && value <= 1e6))
+  const double value = finite_number(text).value_or(-1);
+  if (!(value >= 0 && value <= 1e6))
     throw UsageError("patience=", text, ": expected seconds, 0 to 1000000");
   return std::chrono::milliseconds(static_cast<int64_t>(value * 1000));
 }

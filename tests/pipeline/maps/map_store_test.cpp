@@ -134,7 +134,7 @@ TEST_P(MapStoreTest, RejectsOtherFingerprintsAndVersions) {
   expect_entries(*writer_of(at()), 0);
   execute("town", is_server() ? "UPDATE map SET version = 4" : "PRAGMA user_version = 4");
   for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
-    expect_error<InputError>([&] { open_map(at("town"), access); }, {"map version 4 (expected 1)"});
+    expect_error<InputError>([&] { open_map(at("town"), access); }, {"map version 4 (expected 2)"});
 }
 
 /// Nothing of an untrusted map may be executed, or cause endless work.

@@ -10,7 +10,7 @@
 #include "loops/map_source.h"
 #include "loops/recognize.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/loops/drive_name.h"
+#include "revisit/loops/loop_detector.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/align.h"
 #include "revisit/registration/registration.h"

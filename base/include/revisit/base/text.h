@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <sstream>
 #include <string>
@@ -11,6 +12,9 @@ namespace revisit {
 
 /// Formats a number with the fewest digits that restore it exactly.
 std::string exact(double value);
+
+/// The finite number that `text` is, without anything else; absent for other texts.
+std::optional<double> finite_number(std::string_view text);
 
 /// Joins the elements, or `part` of each, with `separator`, as an output stream prints them.
 template <class Range, class Part = std::identity>

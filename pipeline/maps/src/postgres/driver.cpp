@@ -327,8 +327,7 @@ std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess
                          " has tables, but not a map; use another map=NAME");
       driver->execute("CREATE SCHEMA IF NOT EXISTS " + schema);
       create_tables(*driver, {.fingerprint = *fingerprint, .format = format});
-      static_assert(kMapVersion == 1);
-      driver->execute("ALTER TABLE map ADD version INTEGER NOT NULL DEFAULT 1");
+      driver->execute(str("ALTER TABLE map ADD version INTEGER NOT NULL DEFAULT ", kMapVersion));
       driver->execute("CREATE TABLE writer (id BIGINT PRIMARY KEY, transactions BIGINT NOT NULL)");
     });
   if (access == MapAccess::kNew && exists) throw InputError(driver->name(), ": already exists");

@@ -1,7 +1,6 @@
 #include "revisit/recognition/match.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "revisit/base/error.h"
@@ -33,15 +32,13 @@ Exclusion parse_exclusion(const std::string& text, const char* what) {
   if (text == "none") return {Exclusion::Kind::kNone, 0};
   const size_t equals = text.find('=');
   const std::string kind = text.substr(0, equals);
-  const std::string amount = equals == std::string::npos ? "" : text.substr(equals + 1);
+  const std::optional<double> amount =
+      equals == std::string::npos ? std::nullopt : finite_number(text.substr(equals + 1));
   const auto* const found = std::ranges::find(kExclusions, kind);
   const bool is_kind = found != std::end(kExclusions);
-  Exclusion exclusion;
+  Exclusion exclusion{.amount = amount.value_or(-1)};
   if (is_kind) exclusion.kind = static_cast<Exclusion::Kind>(found - kExclusions);
-  const char* const end = amount.data() + amount.size();
-  const auto [stop, error] = std::from_chars(amount.data(), end, exclusion.amount);
-  const bool is_number = error == std::errc() && stop == end && std::isfinite(exclusion.amount) &&
-                         exclusion.amount >= 0;
+  const bool is_number = exclusion.amount >= 0;
   const bool is_whole = is_number && exclusion.amount == std::floor(exclusion.amount);
   if (is_kind && exclusion.kind != Exclusion::Kind::kNone &&
       (exclusion.kind == Exclusion::Kind::kFrames ? is_whole : is_number))

@@ -1,4 +1,4 @@
-#include "stretches.h"
+#include "revisit/recognition/stretches.h"
 
 #include <algorithm>
 #include <numeric>
@@ -15,28 +15,27 @@ void RunningMedian::add(double number) {
   upper_.pop();
 }
 
-void Stretches::add(std::span<const MapEntry> entries, const PlaceIndex& index) {
-  std::vector<int64_t> added(entries.size() - of_entry_.size());
-  std::iota(added.begin(), added.end(), std::ssize(of_entry_));
-  of_entry_.resize(entries.size());
+void Stretches::add(std::span<const DriveScan> scans, const PlaceIndex& index) {
+  const int64_t first = size();
+  std::vector<int64_t> added(scans.size());
+  std::iota(added.begin(), added.end(), 0);
+  of_entry_.resize(of_entry_.size() + scans.size());
   std::ranges::stable_sort(added, {}, [&](int64_t i) {
-    const MapEntry& entry = entries[static_cast<size_t>(i)];
-    return std::tie(entry.drive, entry.frame);
+    const DriveScan& scan = scans[static_cast<size_t>(i)];
+    return std::tie(scan.drive, scan.frame);
   });
-  for (const int64_t entry : added) add(entry, entries, index);
+  for (const int64_t i : added) add(first + i, scans[static_cast<size_t>(i)], index);
 }
 
-void Stretches::add(int64_t entry, std::span<const MapEntry> entries, const PlaceIndex& index) {
-  const MapEntry& here = entries[static_cast<size_t>(entry)];
-  const auto [current, is_first] = current_.try_emplace(here.drive, std::ssize(stretches_));
+void Stretches::add(int64_t entry, const DriveScan& scan, const PlaceIndex& index) {
+  const auto [current, is_first] = current_.try_emplace(scan.drive, std::ssize(stretches_));
   bool goes_on = false;
   if (!is_first) {
     Stretch& stretch = stretches_[static_cast<size_t>(current->second)];
-    const auto& pose_there = entries[static_cast<size_t>(stretch.first)].pose;
-    stretch.has_poses = stretch.has_poses && here.pose && pose_there;
-    if (stretch.has_poses)
+    if (!scan.pose) stretch.pose.reset();
+    if (stretch.pose)
       stretch.meters =
-          std::max(stretch.meters, (here.pose->translation() - pose_there->translation()).norm());
+          std::max(stretch.meters, (scan.pose->translation() - stretch.pose->translation()).norm());
     const std::vector<float> descriptor = index.descriptor(entry);
     if (index.similarity(descriptor, stretch.view) < kSameView) {
       stretch.view = entry;
@@ -45,14 +44,14 @@ void Stretches::add(int64_t entry, std::span<const MapEntry> entries, const Plac
     goes_on = index.similarity(descriptor, stretch.first) >= same_place_;
     if (!goes_on) {
       views_.add(stretch.views);
-      if (stretch.has_poses) meters_.add(stretch.meters);
+      if (stretch.pose) meters_.add(stretch.meters);
       stretch.behind = std::ssize(stretches_);
     }
   }
   if (!goes_on) {
     const std::optional<int64_t> before = is_first ? std::nullopt : std::optional(current->second);
     current->second = std::ssize(stretches_);
-    stretches_.push_back({.first = entry, .view = entry, .before = before});
+    stretches_.push_back({.first = entry, .view = entry, .pose = scan.pose, .before = before});
   }
   of_entry_[static_cast<size_t>(entry)] = current->second;
   stretches_[static_cast<size_t>(current->second)].entries.push_back(entry);
@@ -80,7 +79,7 @@ bool Stretches::is_long(int64_t entry) const {
   if (entry >= std::ssize(of_entry_)) return false;
   const Stretch& stretch = stretch_of(entry);
   return stretch.views > kLong * views_.value() &&
-         (!stretch.has_poses || stretch.meters > kLong * meters_.value());
+         (!stretch.pose || stretch.meters > kLong * meters_.value());
 }
 
 }  // namespace revisit

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <functional>
 #include <iterator>
@@ -10,10 +11,16 @@
 #include <string>
 #include <vector>
 
-#include "revisit/maps/map_store.h"
 #include "revisit/recognition/place_index.h"
 
 namespace revisit {
+
+/// An entry of a PlaceIndex as a scan of a drive.
+struct DriveScan {
+  std::string drive;
+  int64_t frame = 0;
+  std::optional<Eigen::Isometry3d> pose;  // T_world_sensor [m]
+};
 
 class RunningMedian {
  public:
@@ -35,9 +42,10 @@ class Stretches {
  public:
   explicit Stretches(double same_place) : same_place_(same_place) {}
 
-  /// Adds the entries that are missing, from the first on. Entries of a drive must come in the
-  /// order of their frames, also if several processes added them.
-  void add(std::span<const MapEntry> entries, const PlaceIndex& index);
+  /// Adds the entries of `index` from size() on. Those of a drive count in the order of their
+  /// frames, also if several processes added them.
+  void add(std::span<const DriveScan> scans, const PlaceIndex& index);
+  int64_t size() const { return std::ssize(of_entry_); }
   bool is_long(int64_t entry) const;
   /// Entries of its stretch, ascending; empty for an entry that was not added yet.
   std::span<const int64_t> around(int64_t entry) const;
@@ -50,7 +58,8 @@ class Stretches {
   static constexpr double kSameView = 0.95;
   struct Stretch {
     int64_t first, view;  // first entry, and last entry that changed the view
-    bool has_poses = true;
+    std::optional<Eigen::Isometry3d>
+        pose;  // of the first entry; absent if any of the others has none
     double meters = 0;
     double views = 0;
     std::vector<int64_t> entries;
@@ -59,7 +68,7 @@ class Stretches {
   const Stretch& stretch_of(int64_t entry) const {
     return stretches_[static_cast<size_t>(of_entry_[static_cast<size_t>(entry)])];
   }
-  void add(int64_t entry, std::span<const MapEntry> entries, const PlaceIndex& index);
+  void add(int64_t entry, const DriveScan& scan, const PlaceIndex& index);
 
   double same_place_;
   std::vector<Stretch> stretches_;
