@@ -48,8 +48,9 @@ set(first "5 15 2 1\n40 -30 1 1\n-7 2 -1 1\n9 5 0.5 1\n-60 -70 -3 1\n")
 set(second "15 5 1 1\n-4 30 1 1\n-7 -20 -2 1\n1 50 0.5 1\n-30 -9 3 1\n")
 set(first_again "15 -5 2 1\n-30 -40 1 1\n2 7 -1 1\n5 -9 0.5 1\n-70 60 -3 1\n")
 foreach(scan first second first_again)
+  string(REPEAT "${${scan}}" 100 points)  # fewer than 500 would not tell the sensor
   file(WRITE ${work}/${scan}.pcd "VERSION .7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n"
-       "WIDTH 5\nHEIGHT 1\nPOINTS 5\nDATA ascii\n${${scan}}")
+       "WIDTH 500\nHEIGHT 1\nPOINTS 500\nDATA ascii\n${points}")
 endforeach()
 must(${work}/prefix/bin/revisit models make-random -o ${work})
 foreach(program ${work}/build/whole_path ${by_pkg_config})

@@ -17,38 +17,6 @@ namespace fs = std::filesystem;
 
 constexpr size_t kEntriesPerTransaction = 1000;
 
-}  // namespace
-
-std::string projection_of(const fs::path& map, const MapFingerprint& fingerprint) {
-  const auto store = open_map(map, MapAccess::kRead, &fingerprint);
-  auto projection = store->value(kProjectionValue);
-  if (!projection)
-    throw InputError(display_name(map), ": its warm-up is not complete: it has ", store->size(),
-                     " entries, which are too few");
-  return *std::move(projection);
-}
-
-void copy_projection(MapStore& map, const fs::path& other, const MapStore::Warn& warn) {
-  const std::optional<std::string> projection = projection_of(other, map.fingerprint());
-  const auto own = map.value(kProjectionValue);
-  if (own == projection) return;
-  const auto reject = [&](const MapEntry&) -> std::vector<float> {
-    throw InputError(
-        "the map has entries that were not described with the descriptor projection of " +
-        display_name(other));
-  };
-  if (own || map.size() > 0) reject({});
-  // As a new revision, so that other processes with an open map use this projection.
-  const int64_t revision = map.read(
-                                  0, [](MapEntry&&) {}, warn)
-                               .revision;
-  if (!map.replace_descriptors(reject, {{kProjectionValue, *projection}}, revision) &&
-      map.value(kProjectionValue) != projection)  // another process did the same meanwhile
-    reject({});
-}
-
-namespace {
-
 struct Source {
   fs::path file;
   std::unique_ptr<MapStore> map;
@@ -150,6 +118,34 @@ class Recordings {
 };
 
 }  // namespace
+
+std::string projection_of(const fs::path& map, const MapFingerprint& fingerprint) {
+  const auto store = open_map(map, MapAccess::kRead, &fingerprint);
+  auto projection = store->value(kProjectionValue);
+  if (!projection)
+    throw InputError(display_name(map), ": its warm-up is not complete: it has ", store->size(),
+                     " entries, which are too few");
+  return *std::move(projection);
+}
+
+void copy_projection(MapStore& map, const fs::path& other, const MapStore::Warn& warn) {
+  const std::optional<std::string> projection = projection_of(other, map.fingerprint());
+  const auto own = map.value(kProjectionValue);
+  if (own == projection) return;
+  const auto reject = [&](const MapEntry&) -> std::vector<float> {
+    throw InputError(
+        "the map has entries that were not described with the descriptor projection of " +
+        display_name(other));
+  };
+  if (own || map.size() > 0) reject({});
+  // As a new revision, so that other processes with an open map use this projection.
+  const int64_t revision = map.read(
+                                  0, [](MapEntry&&) {}, warn)
+                               .revision;
+  if (!map.replace_descriptors(reject, {{kProjectionValue, *projection}}, revision) &&
+      map.value(kProjectionValue) != projection)  // another process did the same meanwhile
+    reject({});
+}
 
 int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
                    const MapStore::Warn& report) {

@@ -25,6 +25,26 @@ std::unique_ptr<SqlDriver> open_file(const fs::path& path, MapAccess access,
   return file.open_for_writing(std::move(lock));
 }
 
+void check_projection(const MapStore& map) {
+  const auto projection = map.value(kProjectionValue);
+  MapFingerprint fingerprint = map.fingerprint();
+  if (!projection || fingerprint["feature"] != "ring") return;
+  const std::string name = map.name() + ": its projection";
+  const int64_t dim = parse_ring_model(*projection, name).dim();
+  if (str(dim) != fingerprint[kFeatureDimensions])
+    throw InputError(name, ": for ", dim, " dimensions, but its features have ",
+                     fingerprint[kFeatureDimensions]);
+}
+
+void check_calibrations(const MapStore& map, const MapStore::Warn& report) {
+  for (const char* name : {kCalibrationValue, kVerifiedCalibrationValue}) try {
+      if (const auto content = map.value(name); content && !content->empty())
+        parse_calibration(*content, str(map.name(), ": its ", name));
+    } catch (const InputError& error) {
+      report(error.what());
+    }
+}
+
 }  // namespace
 
 bool is_server_address(std::string_view where) {
@@ -57,30 +77,6 @@ std::string feature_key_of(const fs::path& map) {
     return "";
   }
 }
-
-namespace {
-
-void check_projection(const MapStore& map) {
-  const auto projection = map.value(kProjectionValue);
-  MapFingerprint fingerprint = map.fingerprint();
-  if (!projection || fingerprint["feature"] != "ring") return;
-  const std::string name = map.name() + ": its projection";
-  const int64_t dim = parse_ring_model(*projection, name).dim();
-  if (str(dim) != fingerprint[kFeatureDimensions])
-    throw InputError(name, ": for ", dim, " dimensions, but its features have ",
-                     fingerprint[kFeatureDimensions]);
-}
-
-void check_calibrations(const MapStore& map, const MapStore::Warn& report) {
-  for (const char* name : {kCalibrationValue, kVerifiedCalibrationValue}) try {
-      if (const auto content = map.value(name); content && !content->empty())
-        parse_calibration(*content, str(map.name(), ": its ", name));
-    } catch (const InputError& error) {
-      report(error.what());
-    }
-}
-
-}  // namespace
 
 std::vector<std::string> check_map(const fs::path& file) {
   if (!is_server_address(file.string())) MapFile::existing(file);

@@ -207,13 +207,12 @@ Description seen_at(double meters, int pass = 0) {
 struct Drive {
   bool poses = true;
   std::string name = "d";
-  int pass = 0;
   int64_t frame = 0;
 
   void add(Map& map, double meters) {
     MapEntry entry{.drive = name, .frame = frame++};
     if (poses) entry.pose.emplace(Eigen::Translation3d(meters, 0, 0));
-    add_scan(map, seen_at(meters, pass), entry);
+    add_scan(map, seen_at(meters), entry);
   }
 };
 
@@ -245,29 +244,6 @@ TEST(Map, MatchesInATunnelAreAmbiguous) {
         for (double meters = 0; meters < 200; meters += step) walk.add(map, meters);
         EXPECT_EQ(ambiguous_meters(map), kTunnel);
       }
-  Map no_places(coordinates(), kOptions);
-  Drive walk;
-  for (int meters = 0; meters < 200; ++meters) walk.add(no_places, meters);
-  EXPECT_TRUE(ambiguous_meters(no_places).empty()) << "similarities do not tell";
-}
-
-TEST(Map, HaltsAndRepeatedStreetsAreNotAmbiguous) {
-  for (const bool poses : {true, false}) {
-    Map map(coordinates(kSamePlace), kOptions);
-    for (int pass = 0; pass < 4; ++pass) {
-      Drive street{.poses = poses, .name = str(pass % 2), .frame = 10000 * pass};
-      for (double meters = 120; meters < 200; meters += 0.5) {
-        street.pass = pass;
-        street.add(map, meters);
-        for (int halt = 0; meters == 150 && halt < 300; ++halt) {
-          street.pass = 100 + halt;
-          street.add(map, meters);
-        }
-      }
-    }
-    for (double meters = 120.25; meters < 200; meters += 0.5)
-      EXPECT_FALSE(map.query(seen_at(meters, 99))->ambiguous) << poses << ' ' << meters;
-  }
 }
 
 /// Two robots alternate. Blocks of their scans are described by several machines, and the map is
@@ -531,7 +507,7 @@ TEST(Map, FindsItsSensorInTheFirstScan) {
                            {"not that of a shipped ring model", "coordinates 1"});
 }
 
-TEST(Map, RejectsMapsOfOtherFeatures) {
+TEST(Map, RejectsMapsAndScansOfOtherFeatures) {
   const TempDir folder;
   map_in(folder / "a.map", coordinates());
   expect_error<InputError>(
@@ -544,6 +520,14 @@ TEST(Map, RejectsMapsOfOtherFeatures) {
   expect_error<InputError>([&] { Map(other, {}, std::move(map)); },
                            {"coordinates 1", "coordinates 2"});
   EXPECT_TRUE(map) << "it stays with the caller";
+  Map own(coordinates(), {});
+  add_scan(own, described(own, 0));
+  const Description scan = described(Map(other, {}), 1);
+  for (const std::function<void()>& work :
+       {std::function<void()>([&] { own.query(scan); }), {[&] { own.similarity(scan, 0); }}, {[&] {
+          own.add({{.feature = scan.feature}}, scan.made_by);
+        }}})
+    expect_error<UsageError>(work, {"'coordinates 2'", "'coordinates 1'"});
   FeatureExtractor camera = coordinates();
   camera.make = FeatureMaker<GrayImage>();
   expect_error<UsageError>([&] { Map(camera, {}); }, {"camera images"});
@@ -617,20 +601,6 @@ TEST(Map, IsThreadSafe) {
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(right, 100);
   EXPECT_EQ(map.size(), 200);
-}
-
-TEST(Map, RejectsScansDescribedByAnotherFeature) {
-  FeatureExtractor other = coordinates();
-  other.key = "coordinates 2";
-  Map map(coordinates(), {.warmup = 2}), another(other, {.warmup = 2});
-  drive(map, 0, 4);
-  const Description scan = described(another, 1);
-  for (const std::function<void()>& work :
-       {std::function<void()>([&] { map.query(scan); }), {[&] { map.similarity(scan, 0); }}, {[&] {
-          map.add({{.feature = scan.feature}}, scan.made_by);
-        }}})
-    expect_error<UsageError>(work, {"'coordinates 2'", "'coordinates 1'"});
-  EXPECT_EQ(map.size(), 4);
 }
 
 }  // namespace
