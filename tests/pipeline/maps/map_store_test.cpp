@@ -511,8 +511,8 @@ TEST(MergeMaps, KeepsRecordingsApartAndScansOnce) {
   EXPECT_EQ(merged->value(kVerifiedCalibrationValue), "0.5 margin");
   EXPECT_EQ(merged->value(kCalibrationValue), std::nullopt);
   ASSERT_EQ(reports.size(), 3);
-  EXPECT_HAS(reports[0], "drive '00' becomes 'b/00'");
-  EXPECT_HAS(reports[1], "differ in their calibration");
+  EXPECT_HAS(reports[0], "differ in their calibration");
+  EXPECT_HAS(reports[1], "drive '00' becomes 'b/00'");
   EXPECT_HAS(reports[2], "b.map: 1 of its entries");
   // b.map has grown, and another robot has a map of its name.
   fs::create_directory(dir / "robot");
