@@ -66,6 +66,8 @@ TEST(DoctorData, FolderOfScansAndNothing) {
   data_text(dir.path());
   data_text(dir / "a.PCD", 3);  // no scan
   data_text(dir / "none", 5);
+  write_file(dir / "b.pcd", "");
+  EXPECT_HAS(data_text(dir.path()), "1 scan file empty; copy the data set again");
 }
 
 TEST(DoctorData, RealKittiExcerpt) {

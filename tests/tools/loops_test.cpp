@@ -179,8 +179,10 @@ TEST_F(Loops, EntriesAreRemoved) {
       entries[i].pose.emplace(Eigen::Translation3d(10.0 * static_cast<double>(i), 0, 5));
       entries[i].descriptor = {1};
     }
+    entries[7].cloud = "no points of a scan";
     open_map(map, MapAccess::kWrite, &fingerprint)->add(entries);
   }
+  EXPECT_HAS(run("map info --check " + map, 5), "entry 8: a place's points are corrupt");
   const auto remove = [&](const std::string& which) {
     return run("map remove " + map + " " + which);
   };
@@ -464,7 +466,7 @@ TEST(LoopSummary, CountsRejections) {
             "9 scans, 1 loop accepted, 1 more look alike, among too few distinct entries, 1 more "
             "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
             "alike for long, 1 more look alike, but their points "
-            "do not fit, 1 more look alike, but their entries were stored without points, 1 scan "
+            "do not fit, 1 more look alike, but their entries have no readable points, 1 scan "
             "skipped");
 }
 

@@ -19,13 +19,11 @@ double default_target_precision(Score score) {
   return score == Score::kVerified ? 0.99 : 0.95;
 }
 
-Acceptance::Acceptance(const Map& map, const LoopDetectorOptions& options, bool verifies,
-                       const MapStore::Warn& warn)
+Acceptance::Acceptance(const Map& map, const LoopDetectorOptions& options, bool verifies)
     : map_(map),
       options_(options),
       verifies_(verifies),
-      target_precision_(options.target_precision.value_or(default_target_precision(score()))),
-      warn_(warn) {
+      target_precision_(options.target_precision.value_or(default_target_precision(score()))) {
   if (options.threshold && !std::isfinite(*options.threshold))
     throw UsageError("the threshold: expected a number, found ", *options.threshold);
   if (!(target_precision_ > 0 && target_precision_ < 1))
@@ -48,7 +46,7 @@ const char* Acceptance::value_name() const {
 std::optional<Calibration> Acceptance::of_map() {
   if (map_.extractor() == nullptr) return std::nullopt;  // a new map
   const auto ignore = [&](const std::string& what) {
-    if (warned_.insert(what).second) warn_(what + ": ignored; calibrate the map again");
+    if (warned_.insert(what).second) options_.warn(what + ": ignored; calibrate the map again");
   };
   std::optional<Calibration> calibration;
   map_.use_store([&](MapStore& store) {

@@ -14,8 +14,7 @@ namespace revisit {
 class Acceptance {
  public:
   /// Throws UsageError for invalid options.
-  Acceptance(const Map& map, const LoopDetectorOptions& options, bool verifies,
-             const MapStore::Warn& warn);
+  Acceptance(const Map& map, const LoopDetectorOptions& options, bool verifies);
 
   Score score() const;
   const std::optional<Calibration>& calibration() const { return calibration_; }
@@ -37,7 +36,6 @@ class Acceptance {
   const LoopDetectorOptions& options_;
   const bool verifies_;
   const double target_precision_;
-  const MapStore::Warn& warn_;
   std::optional<Calibration> calibration_;
   std::optional<double> threshold_;
   std::set<std::string> warned_;

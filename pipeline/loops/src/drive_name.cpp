@@ -11,8 +11,7 @@ namespace {
 /// similar.
 constexpr double kSameScan = 0.9999;
 constexpr double kSameTime = 0.8;  // for scans with equal times, which may differ in deskewing
-/// [frames]
-constexpr int64_t kMinAllowedGap = 100;
+constexpr int64_t kMinAllowedGap = 100;  // [frames]
 
 /// Hash of the points: equal on all machines, unlike the feature, which depends on the CPU.
 std::string content_of(const PointsView& points) {

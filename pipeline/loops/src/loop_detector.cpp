@@ -1,5 +1,6 @@
 #include "revisit/loops/loop_detector.h"
 
+#include <set>
 #include <utility>
 
 #include "acceptance.h"
@@ -7,7 +8,6 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/recognition/align.h"
-#include "revisit/registration/registration.h"
 
 namespace revisit {
 namespace {
@@ -98,7 +98,8 @@ struct LoopDetector::Impl {
   std::optional<LocalMap> local_map;
   std::optional<int64_t> last;  // index of the entry of the preceding scan
   bool identified = false;
-  int64_t loadings = 0;  // Map::refresh() at the latest scan
+  int64_t loadings = 0;               // Map::refresh() at the latest scan
+  mutable std::set<int64_t> corrupt;  // ids of entries whose points were reported
   // frame -> index of its scans that the map had before; `ahead`: those not reached yet.
   DriveEntries stored, ahead;
 
@@ -141,7 +142,7 @@ LoopDetector::Impl::Impl(std::unique_ptr<Map> own, Map& used, const LoopDetector
       options(with_warn(chosen)),
       verifies(options.verify.value_or(options.keep_clouds && estimates_yaw(map))),
       mount(map.options().mount),
-      acceptance(map, options, verifies, options.warn),
+      acceptance(map, options, verifies),
       name(options.drive),
       recent{RecentEntries(options.exclusion)},
       keyframes(options.keyframes) {
@@ -277,10 +278,14 @@ bool LoopDetector::Impl::is_first_halt(const Description& scan) const {
 /// because many points along a wall fit anywhere. Returns false without points.
 bool LoopDetector::Impl::register_entry(const PreparedScan& query, Loop& loop,
                                         Detection& found) const {
+  std::string bytes;
   std::pair<PointCloud, Eigen::Isometry3d> entry;  // with its mount
   try {
-    map.use_store([&](MapStore& store) { entry = expand_cloud(store.cloud(loop.id)); });
-  } catch (const InputError&) {  // none, or corrupt points, which check_map() reports
+    map.use_store([&](MapStore& store) { bytes = store.cloud(loop.id); });
+    if (bytes.empty()) return false;
+    entry = expand_cloud(bytes);
+  } catch (const InputError& error) {
+    if (corrupt.insert(loop.id).second) options.warn(str("entry ", loop.id, ": ", error.what()));
     return false;
   }
   Registration registered = register_scans(query, PreparedScan(entry.first, options.registration),

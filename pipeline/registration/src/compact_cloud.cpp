@@ -28,6 +28,7 @@ using MountNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 constexpr size_t kMountBytes = sizeof(MountNumbers), kHeadBytes = kMountBytes + sizeof(uint32_t);
 
 constexpr size_t kPlanes = 6;
+constexpr double kLargestMount = 1e9;  // [m]; a damaged one would reach poses
 
 /// Of each point a byte per plane, the first one in the highest byte. Sorted.
 std::vector<uint64_t> sorted_keys(const PointCloud& cloud) {
@@ -104,8 +105,8 @@ std::pair<PointCloud, Eigen::Isometry3d> expand_cloud(std::string_view bytes) {
   std::vector<uint8_t> planes(n <= kMaxPoints ? n * kPlanes : 0);
   uLongf size = planes.size();
   if (bytes.size() < kHeadBytes || n > kMaxPoints || !mount.leftCols<3>().isUnitary(1e-6) ||
-      !mount.allFinite() ||
-      uncompress(planes.data(), &size, reinterpret_cast<const Bytef*>(&bytes[kHeadBytes]),
+      !(mount.array().abs() <= kLargestMount).all() ||
+      uncompress(planes.data(), &size, reinterpret_cast<const Bytef*>(bytes.data() + kHeadBytes),
                  bytes.size() - kHeadBytes) != Z_OK ||
       size != planes.size())
     throw InputError("a place's points are corrupt: ", bytes.size(), " bytes for ", n, " points");

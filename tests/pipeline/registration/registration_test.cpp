@@ -1,6 +1,7 @@
 #include "revisit/registration/registration.h"
 
 #include <algorithm>
+#include <cstring>
 #include <random>
 
 #include "lidar.h"
@@ -83,10 +84,12 @@ TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
   for (float i = 0; i < 90'000; ++i)
     cloud.points.push_back({std::fmod(i, 73.0F) - 36, std::fmod(i / 73, 37.0F), i / 3000, 0});
   EXPECT_LT(compact_cloud(cloud).size(), 25'000);
-  std::string wrong = bytes;
+  std::string wrong = bytes, far = bytes;
+  const double x_of_mount = 1e308;
+  std::memcpy(&far[3 * sizeof(double)], &x_of_mount, sizeof(double));
   for (const std::string& damaged :
-       {std::string(), bytes.substr(0, 3), bytes.substr(0, bytes.size() - 1),
-        wrong.replace(96, 1, "X"), std::string(100, '\xff')})
+       {std::string(), bytes.substr(0, 3), bytes.substr(0, 100), bytes.substr(0, bytes.size() - 1),
+        far, wrong.replace(96, 1, "X"), std::string(100, '\xff')})
     expect_error<InputError>([&] { expand_cloud(damaged); }, {"points are corrupt"});
 }
 

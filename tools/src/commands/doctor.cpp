@@ -96,6 +96,11 @@ std::string content_of(const Dataset& data) {
 void print_sequence(const fs::path& root, const std::string& sequence) {
   const Dataset data = open_dataset(root, sequence);
   std::vector<std::string> advice = data.warnings;
+  const auto empty = std::ranges::count_if(data.scans, [](const ScanRef& scan) {
+    std::error_code error;
+    return fs::file_size(scan.file, error) == 0 && !error;
+  });
+  if (empty > 0) advice.push_back(plural(empty, "scan file") + " empty; copy the data set again");
   if (!data.has_places() && !data.sequence.empty() && !data.has_poses())
     advice.emplace_back("no ground truth, so evaluation is not possible");
   print_finding(

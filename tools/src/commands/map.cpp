@@ -12,6 +12,7 @@
 #include "loops/recording.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
+#include "revisit/registration/registration.h"
 
 namespace revisit::cli {
 namespace {
@@ -84,9 +85,33 @@ int print_entries(const fs::path& file) {
   return corrupt ? kCheckFailed : kOk;
 }
 
+/// Reports points that have their checksum, but are not those of a scan.
+void check_clouds(const MapStore& map, std::vector<std::string>& problems) {
+  std::vector<int64_t> ids;
+  const auto ignore = [](const std::string&) {};  // check_map() reports it
+  map.read(
+      0, [&](MapEntry&& entry) { ids.push_back(entry.id); }, ignore);
+  for (const int64_t id : ids) {
+    std::string cloud;
+    try {
+      cloud = map.cloud(id);
+    } catch (const InputError&) {  // a wrong checksum, which check_map() reports
+    }
+    try {
+      if (!cloud.empty()) expand_cloud(cloud);
+    } catch (const InputError& error) {
+      problems.push_back(str(map.name(), ": entry ", id, ": ", error.what()));
+    }
+  }
+}
+
 int print_info(const InfoOptions& o) {
   if (o.check) {
-    const std::vector<std::string> problems = check_map(o.file);
+    std::vector<std::string> problems = check_map(o.file);
+    try {
+      check_clouds(*open_map(o.file, MapAccess::kRead), problems);
+    } catch (const InputError&) {  // reported by check_map()
+    }
     for (const std::string& problem : problems) std::cout << problem << "\n";
     if (!problems.empty()) return kCheckFailed;
   }

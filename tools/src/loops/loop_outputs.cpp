@@ -68,7 +68,7 @@ std::string LoopSummary::text() const {
         std::pair(rejected("similarity"), "but not enough to be registered"),
         std::pair(rejected("ambiguous"), "where the drive looks alike for long"),
         std::pair(rejected("registration"), "but their points do not fit"),
-        std::pair(rejected("no points"), "but their entries were stored without points")})
+        std::pair(rejected("no points"), "but their entries have no readable points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);
   return skipped_ > 0 ? str(text, ", ", plural(skipped_, "scan"), " skipped") : text;
 }

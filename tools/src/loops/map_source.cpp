@@ -42,8 +42,10 @@ FeatureExtractor projected(const FeatureExtractor& extractor, const MapOptions& 
 class ScratchFolder {
  public:
   ScratchFolder() {
-    std::string name = (fs::temp_directory_path() / "revisit-pca-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw Error(name, ": cannot create the folder");
+    std::error_code error;
+    std::string name = (fs::temp_directory_path(error) / "revisit-pca-XXXXXX").string();
+    if (error || ::mkdtemp(name.data()) == nullptr)
+      throw Error(name, ": cannot create the folder; set TMPDIR to one that can be written");
     path = name;
   }
   ~ScratchFolder() {
