@@ -100,21 +100,28 @@ void SimulateOptions::declare(Options& options) {
       .excludes({"route", "length"})
       .option("calib", "FILE", "calib.txt of --poses (default: a typical one)", &drive.calibration)
       .choice("surroundings",
-              {"town", "suburb", "village", "country", "motorway", "car-park", "old-town", "rows"},
-              "environment: town, suburb, village, country, motorway, car-park, old-town or rows "
-              "(default town)",
+              {"town", "suburb", "village", "country", "motorway", "car-park", "old-town", "rows",
+               "office", "office-irregular", "office-changed", "office-carried", "floors",
+               "stairwell", "garage", "mine", "greenhouse", "forest", "container-yard"},
+              "environment: town, suburb, village, country, motorway, car-park, old-town or rows; "
+              "off the street, with a robot's own drive: office, office-irregular, "
+              "office-changed, office-carried, floors, stairwell, garage, mine, greenhouse, forest "
+              "or container-yard (default town)",
               &drive.surroundings)
       .option("traffic", "FACTOR",
               "factor of the usual number of moving vehicles, 0 to 10 (default 1)", &drive.traffic)
-      .group("Frames (10 per second, 0.8 m apart on a generated route):")
+      .group("Frames (10 per second, 0.8 m apart on a generated route, 0.1 m for a robot):")
       .option("frames", "N|A-B", "first N frames, or frames A to B inclusive (default: all)",
               &frames)
       .option("every", "N", "frame stride (default 1)", &drive.every)
       .group("Sensor:")
-      .choice("sensor", {"hdl64", "vlp16", "ouster-os1-64", "front120", "livox-avia"},
-              "sensor: hdl64, vlp16, ouster-os1-64, front120 or livox-avia (default hdl64)",
+      .choice("sensor",
+              {"hdl64", "hdl32", "vlp16", "ouster-os0-32", "ouster-os1-64", "livox-mid360",
+               "front120", "livox-avia"},
+              "sensor: hdl64, hdl32, vlp16, ouster-os0-32, ouster-os1-64, livox-mid360, front120 "
+              "or livox-avia (default hdl64)",
               &drive.sensor)
-      .option("sensor-height", "METERS", "height above the road (default 1.73)",
+      .option("sensor-height", "METERS", "height above the ground (default 1.73, or a robot's)",
               &drive.sensor_height)
       .option("sensor-pitch", "DEG", "pitch of the mount; positive: forward down (default 0)",
               &drive.sensor_pitch)

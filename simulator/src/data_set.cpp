@@ -16,6 +16,7 @@
 #include "revisit/datasets/observer.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/parallel_for.h"
+#include "scenery.h"
 
 namespace revisit::simulation {
 
@@ -46,9 +47,11 @@ std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   text += str("sensor: ", config.sensor, "\n");
   if (config.surroundings != "town") text += str("surroundings: ", config.surroundings, "\n");
   if (config.traffic != 1) text += str("traffic: ", exact(config.traffic), "\n");
-  if (config.sensor_height != kSensorHeight || config.sensor_pitch != 0 || config.sensor_roll != 0)
-    text += str("mount: height ", exact(config.sensor_height), ", pitch ",
-                exact(config.sensor_pitch), ", roll ", exact(config.sensor_roll), "\n");
+  const double usual = scenery_of(config.surroundings).sensor_height;
+  const double height = config.sensor_height.value_or(usual);
+  if (height != usual || config.sensor_pitch != 0 || config.sensor_roll != 0)
+    text += str("mount: height ", exact(height), ", pitch ", exact(config.sensor_pitch), ", roll ",
+                exact(config.sensor_roll), "\n");
   if (drive.given_poses.empty()) {
     text += str("route: ", config.route, "\nlength: ", exact(config.length), "\n");
   } else {

@@ -98,7 +98,7 @@ std::string calibration_text(const Pose& T_cam_velo, double scale) {
 
 }  // namespace
 
-Drive make_drive(const SimulationConfig& config) {
+Drive make_drive(const SimulationConfig& config, const std::vector<Pose>& site) {
   Drive drive;
   const double scale = config.camera ? config.image_scale : 1;
   const bool tilted = config.sensor_pitch != 0 || config.sensor_roll != 0;
@@ -123,6 +123,10 @@ Drive make_drive(const SimulationConfig& config) {
   if (config.poses) {
     drive.poses = flatten(read_kitti_poses(*config.poses), T_cam_level, *config.poses);
     drive.given_poses = read_content(*config.poses);
+  } else if (!site.empty()) {
+    for (const Pose& T : site)
+      drive.poses.push_back(
+          {T.translation().x(), T.translation().y(), std::atan2(T(1, 0), T(0, 0))});
   } else {
     drive.poses = generate_route(config.route, config.length, config.seed);
   }

@@ -19,7 +19,8 @@ struct Drive {
 };
 
 /// Throws UsageError, InputError.
-Drive make_drive(const SimulationConfig& config);
+/// `site`: poses of the drive of a Site, if not empty.
+Drive make_drive(const SimulationConfig& config, const std::vector<Pose>& site = {});
 
 std::string times_text(size_t frames);
 /// Returns lines of T_world_cam; the world is the camera's frame at frame 0.

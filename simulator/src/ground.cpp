@@ -10,8 +10,6 @@
 namespace revisit::simulation {
 namespace {
 
-using Vec2 = Eigen::Vector2d;
-
 constexpr double kKerbWidth = 0.25;     // [m]
 constexpr double kPaintedPaving = 1.9;  // width in paint.cpp [m]
 constexpr double kFineLimit = 9;        // [m], from the road; wider than any kerb

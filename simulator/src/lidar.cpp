@@ -11,7 +11,7 @@
 namespace revisit::simulation {
 namespace {
 
-constexpr float kMinRange = 0.9f;     // blind zone of the sensors [m]
+constexpr double kMinRange = 0.9;     // blind zone of sensors for cars [m]
 constexpr float kRangeStep = 0.002f;  // resolution of the sensors [m]
 /// Returns with signal * kSensitivity << 1 are lost, where signal = reflectance * cos(incidence) /
 /// range^2 (link budget of a surface larger than the beam). Chosen so that dry asphalt is visible
@@ -36,6 +36,14 @@ Eigen::Vector2d on_rosette(double scans) {
   constexpr double kFirst = 2 * std::numbers::pi * 12.157, kSecond = -2 * std::numbers::pi * 7.778;
   return {(std::cos(kFirst * scans) + std::cos(kSecond * scans)) / 2,
           (std::sin(kFirst * scans) + std::sin(kSecond * scans)) / 2};
+}
+
+/// Azimuth and elevation of a mirror that turns and nods at an irrational ratio. `scans`: time.
+Eigen::Vector2d on_nodding(const Eigen::Vector2d& field, double scans) {
+  constexpr double kTurns = 41.318, kNods = 97.731;  // per scan
+  const double nod = std::abs(2 * (kNods * scans - std::floor(kNods * scans)) - 1);
+  return {2 * std::numbers::pi * (kTurns * scans - std::floor(kTurns * scans)),
+          field.x() + (field.y() - field.x()) * nod};
 }
 
 float roughness(Material material) {
@@ -67,48 +75,44 @@ float detection_probability(const Hit& hit) {
 
 BeamPattern beam_pattern(const std::string& sensor) {
   BeamPattern pattern;
-  if (sensor == "vlp16") {
-    for (int i = 0; i < 16; ++i) pattern.elevation.push_back((15 - 2 * i) * kDegree);
-    pattern.azimuth_offset.assign(16, 0);
-    pattern.azimuths = 1800;
-    pattern.max_range = 100;
+  const auto beams = [&](int count, double top, double bottom, int azimuths, double max_range,
+                         double min_range = kMinRange) {
+    for (int i = 0; i < count; ++i)
+      pattern.elevation.push_back((top - (top - bottom) * i / (count - 1)) * kDegree);
+    pattern.azimuth_offset.assign(pattern.elevation.size(), 0);
+    pattern.azimuths = azimuths;
+    pattern.max_range = max_range;
+    pattern.min_range = min_range;
     return pattern;
-  }
-  if (sensor == "ouster-os1-64") {
-    for (int i = 0; i < 64; ++i) pattern.elevation.push_back((22.5 - 45.0 * i / 63) * kDegree);
-    pattern.azimuth_offset.assign(64, 0);
-    pattern.azimuths = 2048;
-    pattern.max_range = 120;
-    return pattern;
-  }
+  };
+  if (sensor == "vlp16") return beams(16, 15, -15, 1800, 100, 0.5);
+  if (sensor == "hdl32") return beams(32, 10.67, -30.67, 2172, 100);
+  if (sensor == "ouster-os0-32") return beams(32, 45, -45, 1024, 50, 0.3);
+  if (sensor == "ouster-os1-64") return beams(64, 22.5, -22.5, 2048, 120, 0.5);
   if (sensor == "front120") {
-    for (int i = 0; i < 64; ++i) pattern.elevation.push_back((12.5 - 25.0 * i / 63) * kDegree);
-    pattern.azimuth_offset.assign(64, 0);
-    pattern.azimuths = 300;
     pattern.field = 120 * kDegree;
-    pattern.max_range = 150;
-    return pattern;
+    return beams(64, 12.5, -12.5, 300, 150);
+  }
+  if (sensor == "livox-mid360") {
+    pattern.nodding = Eigen::Vector2d(-7, 52) * kDegree;
+    return beams(1, 0, -1, 20000, 70, 0.1);
   }
   if (sensor == "livox-avia") {
-    pattern.elevation = pattern.azimuth_offset = {0};
-    pattern.azimuths = 24000;
     pattern.rosette = Eigen::Vector2d(70.4, 77.2) / 2 * kDegree;
-    pattern.max_range = 190;
-    return pattern;
+    return beams(1, 0, -1, 24000, 190);
   }
   if (sensor != "hdl64")
     throw UsageError(
-        "sensor: expected hdl64, vlp16, ouster-os1-64, front120 or livox-avia, found '", sensor,
-        "'");
+        "sensor: expected hdl64, hdl32, vlp16, ouster-os0-32, ouster-os1-64, livox-mid360, "
+        "front120 or livox-avia, found '",
+        sensor, "'");
   // Two blocks of 32 lasers: 1/3 deg apart from +2 deg, then about 1/2 deg apart to -24.8 deg.
   for (int i = 0; i < 32; ++i) pattern.elevation.push_back((2 - i / 3.0) * kDegree);
   const double first = 2 - 31 / 3.0 - 0.5;
-  for (int i = 0; i < 32; ++i)
-    pattern.elevation.push_back((first + (-24.8 - first) * i / 31) * kDegree);
+  beams(32, first, -24.8, 2083, 120);
   // Residual azimuth offsets of the four laser columns after calibration.
-  for (int i = 0; i < 64; ++i) pattern.azimuth_offset.push_back(((i % 4) - 1.5) * 0.04 * kDegree);
-  pattern.azimuths = 2083;
-  pattern.max_range = 120;
+  for (size_t i = 0; i < 64; ++i)
+    pattern.azimuth_offset[i] = (static_cast<double>(i % 4) - 1.5) * 0.04 * kDegree;
   pattern.on_car_roof = true;
   return pattern;
 }
@@ -149,9 +153,11 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
     double z = std::sin(pattern_.elevation[beam]), level = std::cos(pattern_.elevation[beam]);
     for (size_t k = 0; k < azimuths; ++k) {
       double azimuth = phase + static_cast<double>(k) * step + pattern_.azimuth_offset[beam];
-      if (pattern_.rosette) {
-        const Eigen::Vector2d at = on_rosette(start + static_cast<double>(k) / pattern_.azimuths)
-                                       .cwiseProduct(*pattern_.rosette);
+      if (pattern_.rosette || pattern_.nodding) {
+        const double scans = start + static_cast<double>(k) / pattern_.azimuths;
+        const Eigen::Vector2d at = pattern_.nodding
+                                       ? on_nodding(*pattern_.nodding, scans)
+                                       : on_rosette(scans).cwiseProduct(*pattern_.rosette);
         azimuth = at.x();
         z = std::sin(at.y());
         level = std::cos(at.y());
@@ -183,7 +189,9 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
     if (const float rough = roughness(hit.surface.material); rough > 0)
       range += rough * normal_float(bits(kRoughness));
     range = std::round(range / kRangeStep) * kRangeStep;
-    if (range < kMinRange || range > static_cast<float>(pattern_.max_range)) continue;
+    if (range < static_cast<float>(pattern_.min_range) ||
+        range > static_cast<float>(pattern_.max_range))
+      continue;
     const float intensity =
         static_cast<float>(hit.surface.reflectance) / 255 * (0.5f + 0.5f * hit.cos_incidence) +
         0.03f * normal_float(bits(kIntensity));

@@ -12,14 +12,16 @@
 
 namespace revisit::simulation {
 
-/// Scan pattern: rotating beams, or with `rosette` one beam that covers an ellipse around forward.
+/// Scan pattern: rotating beams, or one beam: with `rosette` it covers an ellipse around forward,
+/// with `nodding` all around, without repetition.
 struct BeamPattern {
   std::vector<double> elevation;        // [beam], top first [rad]
   std::vector<double> azimuth_offset;   // [beam] [rad]
   int azimuths = 0;                     // firings per scan
   double field = 2 * std::numbers::pi;  // [rad], horizontal, around forward if below a full circle
   std::optional<Eigen::Vector2d> rosette;  // half width and height [rad]
-  double max_range = 0;                    // [m]
+  std::optional<Eigen::Vector2d> nodding;  // lowest and highest elevation [rad]
+  double max_range = 0, min_range = 0;     // [m]
   bool on_car_roof = false;                // the car's roof occludes the ground behind the sensor
 };
 /// Throws UsageError unless it is a value of SimulationConfig::sensor.

@@ -32,7 +32,6 @@ void for_cells(const Footprint& footprint, Visit visit) {
       visit(key(i, j));
 }
 
-using Vec2 = Eigen::Vector2d;
 using Polyline = std::vector<Vec2>;
 
 constexpr double kCornerRadius = 9;  // [m]

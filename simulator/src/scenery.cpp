@@ -243,8 +243,23 @@ constexpr Scenery rows() {
   return s;
 }
 
-constexpr std::array<Scenery, 8> kSceneries = {kTown,      suburb(),   village(),  country(),
-                                               motorway(), car_park(), old_town(), rows()};
+constexpr Scenery off_street(const char* name, Site (*site)(uint64_t), double sensor_height = 0.7) {
+  return {.name = name, .site = site, .sensor_height = sensor_height};
+}
+
+template <bool irregular, int changed_percent = 0, int sway_tenths = 3>
+Site office(uint64_t seed) {
+  return make_office(seed, irregular, changed_percent / 100.0, sway_tenths / 10.0);
+}
+
+constexpr auto kSceneries = std::to_array<Scenery>(
+    {kTown, suburb(), village(), country(), motorway(), car_park(), old_town(), rows(),
+     off_street("office", office<false>), off_street("office-irregular", office<true>),
+     off_street("office-changed", office<true, 30>),
+     off_street("office-carried", office<true, 0, 40>, 1), off_street("floors", make_floors),
+     off_street("stairwell", make_stairwell, 1), off_street("garage", make_garage),
+     off_street("mine", make_mine), off_street("greenhouse", make_greenhouse),
+     off_street("forest", make_forest), off_street("container-yard", make_container_yard)});
 
 }  // namespace
 

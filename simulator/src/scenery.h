@@ -6,6 +6,7 @@
 #include "objects.h"
 #include "revisit/simulation/simulation.h"
 #include "road_map.h"
+#include "site.h"
 
 namespace revisit::simulation {
 
@@ -81,6 +82,9 @@ struct Scenery {
   Range oncoming_speed = {6, 11};  // [m/s]
   double leader = 0.4;             // chance that a car drives ahead
   size_t trucks = 0;               // among the 12 models
+
+  Site (*site)(uint64_t seed) = nullptr;  // off the street, where all above is without meaning
+  double sensor_height = kSensorHeight;   // usual one [m]
 };
 
 /// Throws UsageError unless it is a value of SimulationConfig::surroundings.

@@ -8,8 +8,6 @@
 namespace revisit::simulation {
 namespace {
 
-using Vec2 = Eigen::Vector2d;
-
 constexpr double kTurn = 40 * kDegree, kTurnError = 3 * kDegree;
 constexpr double kTilt = 0.5 * kDegree;  // tilt of a tripod leveled by eye
 constexpr double kFromLane = 0.8;  // [m], distance of the tripod to the right of the driven lane

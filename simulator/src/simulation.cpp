@@ -36,13 +36,19 @@ void check(const SimulationConfig& config) {
       refuse(what, " is ", value, ": expected ", low, " to ", high);
   };
   within("traffic", config.traffic, 0, 10);
-  within("sensor height", config.sensor_height, 0.5, 5);
+  within("sensor height", config.sensor_height.value_or(1), 0.5, 5);
   within("sensor pitch", config.sensor_pitch, -45, 45);
   within("sensor roll", config.sensor_roll, -45, 45);
   if (config.camera && !(config.image_scale >= 0.1 && config.image_scale <= 1))
     refuse("pictures of ", config.image_scale, " times KITTI's size: expected 0.1 to 1");
   if (config.calibration && !config.poses)
     refuse("a calibration belongs to given poses; a generated route has its own");
+  const SimulationConfig usual;
+  if (scenery_of(config.surroundings).site &&
+      (config.poses || config.camera || config.route != usual.route ||
+       config.length != usual.length || config.traffic != usual.traffic))
+    refuse("surroundings ", config.surroundings, " have a drive of their own, no traffic and no ",
+           "camera: they take no poses, route, length, traffic or camera");
 }
 
 std::set<int> wanted_frames(const SimulationConfig& config, int frames) {
@@ -91,7 +97,9 @@ SimulationSummary simulate(const SimulationConfig& config,
   check(config);
   const Scenery& scenery = scenery_of(config.surroundings);
   const BeamPattern pattern = beam_pattern(config.sensor);
-  const Drive drive = make_drive(config);
+  Site site;
+  if (scenery.site) site = scenery.site(config.seed);
+  const Drive drive = make_drive(config, site.T_site_floor);
   const std::set<int> wanted = wanted_frames(config, static_cast<int>(drive.poses.size()));
   DataSet data(config, drive);
   const std::set<int> there = data.open(wanted, config.overwrite);
@@ -101,8 +109,10 @@ SimulationSummary simulate(const SimulationConfig& config,
   const RoadMap roads(drive.poses, path.points, scenery.oncoming);
   const Ground ground(config.seed, roads, scenery);
   std::vector<Pose> T_town_velo;
-  for (const PlanarPose& pose : drive.poses) {
-    T_town_velo.push_back(stand(pose, ground, config.sensor_height));
+  const double height = config.sensor_height.value_or(scenery.sensor_height);
+  for (size_t i = 0; i < drive.poses.size(); ++i) {
+    T_town_velo.push_back(scenery.site ? site.T_site_floor[i] * Eigen::Translation3d(0, 0, height)
+                                       : stand(drive.poses[i], ground, height));
     T_town_velo.back().linear() *= drive.R_level_velo.toRotationMatrix();
   }
   data.write_frame(
@@ -123,7 +133,9 @@ SimulationSummary simulate(const SimulationConfig& config,
   if (progress) progress(summary.scans, total);
 
   if (!missing.empty()) {
-    const Scene scene(build_world(config.seed, path.points, roads, ground, scenery).mesh);
+    const Scene scene(scenery.site
+                          ? site.mesh
+                          : build_world(config.seed, path.points, roads, ground, scenery).mesh);
     const Traffic traffic(config.seed, path.points, ground, scenery, config.traffic);
     std::optional<Textures> textures;
     if (config.camera) textures.emplace();
@@ -144,7 +156,9 @@ SimulationSummary simulate(const SimulationConfig& config,
       const auto at = static_cast<size_t>(frame);
       const double time = frame * kFramePeriod;
       const Vehicle& vehicle = vehicles[static_cast<size_t>(thread)];
-      vehicle.surroundings->place(traffic.at(time, path.point_of_pose[at], pattern.max_range));
+      vehicle.surroundings->place(
+          scenery.site ? site.differing(at)
+                       : traffic.at(time, path.point_of_pose[at], pattern.max_range));
       std::function<Eigen::Isometry3d(double time)> motion;
       if (config.rolling_shutter)
         motion = constant_velocity(motion_from(T_town_velo, at), kFramePeriod);

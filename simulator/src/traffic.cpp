@@ -15,8 +15,6 @@ constexpr double kOwnSpace = 7;     // minimum distance of cars to the ego vehic
 constexpr double kLeaderTerm = 25;  // duration of a leading car, or of its absence [s]
 constexpr size_t kModels = 12;
 
-using Vec2 = Eigen::Vector2d;
-
 constexpr double kNearest = 1.5, kMaxRange = 9;        // distances of people [m]
 constexpr double kCarReach = 20, kCarClearance = 2.2;  // from a car's center line to the sensor [m]
 constexpr double kPersonRadius = 0.4;                  // [m]

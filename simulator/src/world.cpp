@@ -11,8 +11,6 @@
 namespace revisit::simulation {
 namespace {
 
-using Vec2 = Eigen::Vector2d;
-
 constexpr double kClearance = kRoadHalfWidth + 0.25;  // [m]
 constexpr size_t kFrontPiece = 2;                     // [path points]
 

@@ -177,7 +177,7 @@ TEST(FindSensor, RealScans) {
 
 TEST(FindSensor, SimulatedSensors) {
   using simulation::beam_pattern;
-  for (const char* const name : {"hdl64", "vlp16", "ouster-os1-64"}) {
+  for (const char* const name : {"hdl64", "hdl32", "vlp16", "ouster-os0-32", "ouster-os1-64"}) {
     PointCloud cloud;
     for (const double elevation : beam_pattern(name).elevation)
       for (int k = 0; k < 360; ++k)

@@ -23,6 +23,11 @@ struct SimulationConfig {
   /// "car-park": asphalt with rows of parked cars and lamps; buildings around it.
   /// "old-town": high facades without gaps on both sides of a narrow lane.
   /// "rows": identical houses every 16 m: perceptual aliasing.
+  /// Off the street, with a robot's drive: "office": a door every 4 m; "office-irregular"; also
+  /// "office-changed": 30 % of doors and furniture differ in the second round; "office-carried": by
+  /// a swaying person. "floors": two equal storeys and a ramp. "garage": 30 % of the bays differ in
+  /// the second round. "stairwell", "mine", "greenhouse", "forest", "container-yard". They refuse
+  /// `poses` and `camera`, and values of `traffic`, `route` and `length` that are not the default.
   std::string surroundings = "town";
   double traffic = 1;  ///< factor on the usual number of moving vehicles, 0 to 10
 
@@ -49,9 +54,13 @@ struct SimulationConfig {
   /// "vlp16": Velodyne VLP-16: 16 beams, +15 to -15 deg, 0.2 deg in azimuth, 100 m.
   /// "ouster-os1-64": 64 beams, +22.5 to -22.5 deg, 0.176 deg in azimuth, 120 m.
   /// "front120": forward, 120 deg, 64 beams, +12.5 to -12.5 deg, 0.4 deg in azimuth, 150 m.
+  /// "hdl32": 32 beams, +10.67 to -30.67 deg, 0.166 deg in azimuth, 100 m.
+  /// "ouster-os0-32": 32 beams, +45 to -45 deg, 0.35 deg in azimuth, 50 m.
+  /// "livox-mid360": 360 deg, +52 to -7 deg, 20000 points, non-repetitive, 70 m.
   /// "livox-avia": forward, 70.4 x 77.2 deg, 24000 points, non-repetitive rosette, 190 m.
   std::string sensor = "hdl64";
-  double sensor_height = kSensorHeight;  ///< above the road, 0.5 to 5 [m]
+  /// Above the road or floor, 0.5 to 5 [m]. Absent: kSensorHeight, 0.7 of a robot, 1 if carried.
+  std::optional<double> sensor_height;
   double sensor_pitch = 0;  ///< about its y axis (left), > 0: it looks down ahead [deg]
   double sensor_roll = 0;   ///< about its x axis (forward), applied first, > 0: leans right [deg]
   /// Each column is cast from the vehicle's pose at that time: from the pose of the frame at
