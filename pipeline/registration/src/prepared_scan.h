@@ -43,7 +43,32 @@ class NearestNeighbors {
     return results.size();
   }
 
+  /// True if a point is nearer than a squared distance of `limit` [m^2].
+  bool any_within(const Eigen::Vector3f& place, float limit) const {
+    AnyWithin result{limit};
+    tree_.findNeighbors(result, place.data(), {});
+    return result.found;
+  }
+
  private:
+  /// nanoflann's result set that ends the search at the first point.
+  struct AnyWithin {
+    using DistanceType = float;
+    using IndexType = uint32_t;
+    float limit;
+    bool found = false;
+
+    bool addPoint(float squared, uint32_t) {
+      found = squared < limit;
+      return !found;
+    }
+    float worstDist() const { return limit; }
+    bool full() const { return true; }
+    bool empty() const { return !found; }
+    size_t size() const { return found ? 1 : 0; }
+    void sort() {}
+  };
+
   struct Source {
     const std::vector<Eigen::Vector3f>& points;
 
