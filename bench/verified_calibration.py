@@ -2,10 +2,10 @@
 """Calibration of registered loops (verified_calibration()) by SciPy, from output of `revisit loops`.
 
   revisit loops DRIVE --all --format csv > town.csv         # for each drive with poses
-  verified_calibration.py town.csv nclt.csv ...             # prints the blocks of verified_score.cpp
+  verified_calibration.py town.csv nclt.csv ...             # prints the blocks of verified_calibration()
 
 Matches nearer than 5 m are correct, those farther than 10 m incorrect. Each place has weight 1 (scores_by_place()). Incorrect
-matches are reweighted to a prior of 10 % correct. The probability is an isotonic regression on the score v.
+matches are reweighted to a prior of 10 % correct. The probability is an isotonic regression on the score.
 --pairs gives a drive without poses: listed places and two frames around them are correct; unlisted queries up to --none-before
 have no place.
 """
@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 RIGHT_SHARE = 0.1
+STEP = 0.02  # scores are rounded down, so that the threshold keeps a distance from incorrect matches
 
 
 def by_place(v, right, here):
@@ -67,15 +68,12 @@ def blocks(drives):
     """
     v, right, weight = (np.concatenate(each) for each in zip(*drives))
     weight = np.where(right, 1, weight[right].sum() / weight[~right].sum() * (1 - RIGHT_SHARE) / RIGHT_SHARE) * weight
-    order = np.argsort(v)
-    v, right, weight = np.r_[v.min(), v[order], v.max()], np.r_[1.0, right[order], 0.0], np.r_[1, weight[order], 1]
-    share = isotonic_regression(right, weights=weight).x
+    step, at = np.unique(np.floor(v / STEP), return_inverse=True)
+    matches, found = np.bincount(at, weight), np.bincount(at, weight * right)
+    first, last = np.eye(len(step))[[0, -1]]
+    share = isotonic_regression((found + first) / (matches + first + last), weights=matches + first + last).x
     starts = np.flatnonzero(np.r_[True, np.diff(share) > 1e-9])
-    matches = np.add.reduceat(weight, starts)
-    matches[0], matches[-1] = matches[0] - 1, matches[-1] - 1
-    found = np.add.reduceat(weight * right, starts)
-    found[0] -= 1
-    return list(zip(v[starts], matches, found))
+    return list(zip(step[starts] * STEP, np.add.reduceat(matches, starts), np.add.reduceat(found, starts)))
 
 
 def main():

@@ -18,7 +18,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('data')
     parser.add_argument('--map', help='map file (default: none)')
-    parser.add_argument('--threshold', type=float, help='minimum similarity + inlier ratio (default: for a precision of 0.99)')
+    parser.add_argument('--threshold', type=float, help='minimum score (default: for a precision of 0.99)')
     parser.add_argument('--exclusion', default='frames=50', help='recent scans that are not compared (default: %(default)s)')
     o = parser.parse_args()
 

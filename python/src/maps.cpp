@@ -211,10 +211,12 @@ void bind_loop_detector(nb::module_& module) {
       .def_ro("accepted", &Detection::accepted,
               "The loop's score reaches the threshold, the loop is not ambiguous and, if loops are "
               "registered, it fits.")
-      .def_ro("rejection", &Detection::rejection,
-              "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
-              "registration), 'ambiguous', 'no points' (the entry has none) or 'registration' "
-              "(rejected by it); '' if accepted.");
+      .def_ro(
+          "rejection", &Detection::rejection,
+          "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
+          "registration), 'ambiguous', 'no points' (the entry has none), 'registration' "
+          "(points do not fit), 'contradicted' (by free space), 'hidden' (by something near) or "
+          "'odometry' (by the poses); '' if accepted.");
   nb::class_<PythonDetector>(
       module, "LoopDetector",
       "Detects loop closures in the scans of one drive, given in order. Every scan is described, "
@@ -248,10 +250,11 @@ void bind_loop_detector(nb::module_& module) {
           "'none'.\n"
           "keyframes: scans that are stored: 'all', 'meters=L' or 'similarity=S'. All scans are "
           "compared.\n"
-          "verify: register the most similar entries, and accept by the inlier ratio, too. "
+          "verify: register the most similar entries, and judge them by free space. "
           "Default: True if the feature gives the relative yaw (rings do) and points are kept.\n"
-          "threshold: minimum score of accepted loops: similarity + inlier ratio if loops are "
-          "registered, else the score of the Map; None: the value that reaches target_precision.\n"
+          "threshold: minimum score of accepted loops: 0.1 similarity + level - contradiction if "
+          "loops are registered, else the score of the Map; None: the value that reaches "
+          "target_precision.\n"
           "target_precision: target fraction of accepted loops that are correct, by the "
           "calibration; None: 0.99 if loops are registered, else 0.95.\n"
           "keep_clouds: store about 20 kB of points with each entry, for registration.")

@@ -53,7 +53,7 @@ class Examples(FolderTest):
 
     def test_loop_closures(self):
         simulate(self.folder / 'town', length=600, every=20)
-        printed = run('loop_closures', self.folder / 'town', '--threshold', 0.4, '--exclusion', 'frames=400',
+        printed = run('loop_closures', self.folder / 'town', '--threshold', 0, '--exclusion', 'frames=400',
                       '--map', self.folder / 'town.map')
         loops = printed.splitlines()[1:]
         self.assertGreater(len(loops), 2)

@@ -27,7 +27,7 @@ from scans import room, simulate
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
 EXAMPLE = os.environ.get('REVISIT_LOOP_CLOSURE', '')
 """Program of examples/loop_closure.cpp."""
-SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0.3', '--drive', 'd', '--sensor', 'vlp16']
+SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0', '--drive', 'd', '--sensor', 'vlp16']
 ENVIRONMENT = os.environ | {'REVISIT_PYTHON': sys.executable, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
 
 

@@ -1,6 +1,5 @@
 #include "revisit/loops/loop_detector.h"
 
-#include <set>
 #include <utility>
 
 #include "acceptance.h"
@@ -8,24 +7,10 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/recognition/align.h"
+#include "verification.h"
 
 namespace revisit {
 namespace {
-
-/// Transforms a registration of mounted points to the sensors' frames. `mount`: of the query.
-void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
-                      Registration& registered) {
-  registered.T_place_query = mount_of_place.inverse() * registered.T_place_query * mount;
-  // Motions of the query and of the mounted query are related by the adjoint Ad(mount).
-  const Eigen::Matrix3d R = mount.rotation();
-  Eigen::Matrix3d cross;
-  const Eigen::Vector3d& t = mount.translation();
-  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-  Eigen::Matrix<double, 6, 6> adjoint = Eigen::Matrix<double, 6, 6>::Zero();
-  adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = R;
-  adjoint.topRightCorner<3, 3>() = cross * R;
-  registered.information = adjoint.transpose() * registered.information * adjoint;
-}
 
 class Keyframes {
  public:
@@ -96,10 +81,10 @@ struct LoopDetector::Impl {
   std::vector<RecentEntries> recent;  // by the exclusion; for local maps also by overlap
   Keyframes keyframes;
   std::optional<LocalMap> local_map;
+  Verification verification;
   std::optional<int64_t> last;  // index of the entry of the preceding scan
   bool identified = false;
-  int64_t loadings = 0;               // Map::refresh() at the latest scan
-  mutable std::set<int64_t> corrupt;  // ids of entries whose points were reported
+  int64_t loadings = 0;  // Map::refresh() at the latest scan
   // frame -> index of its scans that the map had before; `ahead`: those not reached yet.
   DriveEntries stored, ahead;
 
@@ -113,13 +98,11 @@ struct LoopDetector::Impl {
   std::optional<int64_t> resume(const Description& scan, const PointsView& points,
                                 const ScanStamp& stamp);
   void exclude_drive(const ScanStamp& stamp, std::vector<int64_t>& excluded);
-  void match(const Description& scan, const PointCloud& cloud, Detection& found) const;
-  void store(const Description& scan, const PointCloud& cloud, const ScanStamp& stamp,
+  void match(const Description& scan, const SeenScan& seen, bool drives, Detection& found);
+  void store(const Description& scan, const SeenScan& seen, const ScanStamp& stamp,
              Detection& found);
 
   bool is_first_halt(const Description& scan) const;
-  void verify(const Description& scan, const PointCloud& query, Detection& found) const;
-  bool register_entry(const PreparedScan& query, Loop& loop, Detection& found) const;
 };
 
 namespace {
@@ -145,7 +128,8 @@ LoopDetector::Impl::Impl(std::unique_ptr<Map> own, Map& used, const LoopDetector
       acceptance(map, options, verifies),
       name(options.drive),
       recent{RecentEntries(options.exclusion)},
-      keyframes(options.keyframes) {
+      keyframes(options.keyframes),
+      verification(map, options, acceptance) {
   if (const double meters = map.options().local_map; meters != 0) {
     local_map.emplace(meters);
     recent.emplace_back(Exclusion{Exclusion::Kind::kMeters, meters});
@@ -166,11 +150,13 @@ Detection LoopDetector::Impl::take(const PointsView& given, const ScanStamp& sta
     found.error = description.error;
     return found;
   }
-  const PointCloud cloud = options.keep_clouds || verifies ? mounted(points) : PointCloud();
+  const bool needs_cloud = options.keep_clouds || verifies;
+  const SeenScan seen(needs_cloud ? mounted(points) : PointCloud(), options.registration);
   found.index = resume(description, points, stamp);
   exclude_drive(stamp, found.excluded);
-  match(description, cloud, found);
-  store(description, cloud, stamp, found);
+  if (verifies) verification.arrive(description, seen, stamp);
+  match(description, seen, true, found);
+  store(description, seen, stamp, found);
   return found;
 }
 
@@ -178,7 +164,9 @@ Detection LoopDetector::Impl::query(const PointsView& points) {
   Detection found;
   const Description description = describe(points);
   found.error = description.error;
-  if (description.described()) match(description, verifies ? mounted(points) : PointCloud(), found);
+  if (!description.described()) return found;
+  match(description, {verifies ? mounted(points) : PointCloud(), options.registration}, false,
+        found);
   return found;
 }
 
@@ -239,31 +227,33 @@ void LoopDetector::Impl::exclude_drive(const ScanStamp& stamp, std::vector<int64
   }
 }
 
-void LoopDetector::Impl::match(const Description& scan, const PointCloud& cloud,
-                               Detection& found) const {
+void LoopDetector::Impl::match(const Description& scan, const SeenScan& seen, bool drives,
+                               Detection& found) {
   found.loop = map.query(scan, found.excluded);
   if (!found.loop) return;
   if (verifies)
-    verify(scan, cloud, found);
+    verification.verify(scan, seen, drives, found);
   else
     found.rejection = acceptance.decide(*found.loop);
   found.accepted = found.rejection.empty();
 }
 
-void LoopDetector::Impl::store(const Description& scan, const PointCloud& cloud,
+void LoopDetector::Impl::store(const Description& scan, const SeenScan& seen,
                                const ScanStamp& stamp, Detection& found) {
+  const auto scale = verifies ? std::optional(verification.scale()) : std::nullopt;
   if (!found.index && !is_first_halt(scan) && keyframes.is_one(map, scan, stamp.pose)) {
     MapEntry entry{.drive = options.drive,
                    .frame = stamp.frame,
                    .time = stamp.time,
                    .pose = stamp.pose,
                    .feature = scan.feature,
-                   .cloud = options.keep_clouds ? compact_cloud(cloud, mount) : ""};
+                   .cloud = options.keep_clouds ? compact_cloud(seen.cloud(), mount, scale) : ""};
     found.index = map.add({std::move(entry)}, scan.made_by).front();
     for (RecentEntries& one : recent) one.add(*found.index);
   }
   if (!found.index) return;
   keyframes.add(*found.index, stamp.pose);
+  if (verifies) verification.add(*found.index, seen);
   last = found.index;
 }
 
@@ -272,63 +262,6 @@ void LoopDetector::Impl::store(const Description& scan, const PointCloud& cloud,
 bool LoopDetector::Impl::is_first_halt(const Description& scan) const {
   constexpr double kStanding = 0.98;  // scans of a halt have at least 0.99
   return last && !map.is_warmed_up() && map.similarity(scan, *last) >= kStanding;
-}
-
-/// Adds the inlier ratio to the score of `loop`, which replaces found.loop unless that fits better,
-/// because many points along a wall fit anywhere. Returns false without points.
-bool LoopDetector::Impl::register_entry(const PreparedScan& query, Loop& loop,
-                                        Detection& found) const {
-  std::string bytes;
-  std::pair<PointCloud, Eigen::Isometry3d> entry;  // with its mount
-  try {
-    map.use_store([&](MapStore& store) { bytes = store.cloud(loop.id); });
-    if (bytes.empty()) return false;
-    entry = expand_cloud(bytes);
-  } catch (const InputError& error) {
-    if (corrupt.insert(loop.id).second) options.warn(str("entry ", loop.id, ": ", error.what()));
-    return false;
-  }
-  Registration registered = register_scans(query, PreparedScan(entry.first, options.registration),
-                                           *loop.relative_yaw, options.registration);
-  loop.score += registered.inlier_ratio;
-  const bool fits = found.registered && found.registered->fits;
-  if (std::pair(fits, found.loop->score) > std::pair(registered.fits, loop.score)) return true;
-  to_sensor_frames(entry.second, mount, registered);
-  found.registered = registered;
-  found.loop = loop;
-  return true;
-}
-
-void LoopDetector::Impl::verify(const Description& scan, const PointCloud& query,
-                                Detection& found) const {
-  constexpr double kMinSimilarity = 0.3;  // reached by 43 % of the scans of NCLT
-  constexpr double kClear = 1;            // a second entry could not win
-  std::optional<Loop> second;
-  found.loop->score = found.loop->similarity;
-  bool has_points = true;
-  if (found.loop->similarity >= kMinSimilarity) {
-    const PreparedScan prepared(query, options.registration);
-    Loop first = *found.loop;
-    has_points = register_entry(prepared, first, found);
-    if (!found.registered || !found.registered->fits || first.score < kClear) {
-      std::vector<int64_t> excluded = found.excluded;
-      const std::vector<int64_t> near = map.around(first.index, true);
-      excluded.insert(excluded.end(), near.begin(), near.end());
-      excluded.push_back(first.index);
-      second = map.query(scan, excluded);
-    }
-    if (second && second->similarity >= kMinSimilarity) {
-      second->score = second->similarity;
-      register_entry(prepared, *second, found);
-    }
-  }
-  found.rejection = acceptance.decide(*found.loop);
-  if (!has_points && !found.registered)
-    found.rejection = "no points";
-  else if (found.registered && (found.rejection == "score" || !found.registered->fits))
-    found.rejection = found.rejection == "ambiguous" ? "ambiguous" : "registration";
-  else if (!found.registered && found.rejection.empty())
-    found.rejection = "similarity";
 }
 
 LoopDetector::LoopDetector(const LoopDetectorOptions& options) {
@@ -386,19 +319,15 @@ const Calibration& verified_calibration() {
   // Computed by bench/verified_calibration.py.
   static const Calibration calibration = {
       .score = Score::kVerified,
-      .trained_on = "NCLT, MulRan Riverside and 16 simulated drives",
-      .blocks = {{-0.0093, 8066.9809, 0.1000},
-                 {0.6160, 41.4551, 0.2000},
-                 {0.6650, 5.5937, 0.1667},
-                 {0.6766, 6.2692, 0.1909},
-                 {0.7010, 31.1412, 1.6333},
-                 {0.7571, 5.0667, 0.2909},
-                 {0.7660, 14.9141, 1.9000},
-                 {0.8116, 8.7723, 1.9497},
-                 {0.8454, 2.6398, 0.9000},
-                 {0.8683, 9.8858, 5.8202},
-                 {0.9292, 395.3469, 393.9141},
-                 {1.5967, 501.9342, 501.9342}}};
+      .trained_on = "NCLT, MulRan Riverside, two Mid-360 recordings and 6 simulated drives",
+      .blocks = {{-0.88, 660.4849, 0.0588},
+                 {-0.46, 2027.7810, 3.3328},
+                 {-0.32, 15.1202, 0.2},
+                 {-0.28, 92.8019, 1.6899},
+                 {-0.08, 56.0165, 2.5288},
+                 {-0.06, 118.6491, 7.2589},
+                 {-0.02, 6.7735, 1.5580},
+                 {0, 312.3728, 312.3728}}};
   return calibration;
 }
 

@@ -345,4 +345,10 @@ double KnownEntries::similarity(const Description& scan, int64_t index) const {
   return index_->similarity(descriptor_of(scan.feature), index);
 }
 
+std::optional<double> KnownEntries::relative_yaw(const Description& scan, int64_t index) const {
+  check_feature(scan.feature, scan.made_by);
+  at(index);
+  return index_->relative_yaw(descriptor_of(scan.feature), index);
+}
+
 }  // namespace revisit

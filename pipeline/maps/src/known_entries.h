@@ -57,6 +57,7 @@ class KnownEntries {
   void check_feature(std::span<const float> feature, const std::string& made_by) const;
   Match best(const Description& scan, std::span<const int64_t> without) const;
   double similarity(const Description& scan, int64_t index) const;
+  std::optional<double> relative_yaw(const Description& scan, int64_t index) const;
 
  private:
   enum class State {

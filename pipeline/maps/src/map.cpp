@@ -304,6 +304,11 @@ double Map::similarity(const Description& scan, int64_t index) const {
   return impl_->known().entries.similarity(scan, index);
 }
 
+std::optional<double> Map::relative_yaw(const Description& scan, int64_t index) const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->known().entries.relative_yaw(scan, index);
+}
+
 int64_t Map::size() const {
   const std::shared_lock lock(impl_->mutex);
   return impl_->described ? impl_->described->entries.size() : 0;

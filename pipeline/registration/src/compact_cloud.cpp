@@ -31,10 +31,10 @@ constexpr size_t kPlanes = 6;
 constexpr double kLargestMount = 1e9;  // [m]; a damaged one would reach poses
 
 /// Of each point a byte per plane, the first one in the highest byte. Sorted.
-std::vector<uint64_t> sorted_keys(const PointCloud& cloud) {
-  std::vector<Eigen::Vector3f> points = thinned(cloud, kVoxel, kRange);
+std::vector<uint64_t> sorted_keys(const PointCloud& cloud, double voxel) {
+  std::vector<Eigen::Vector3f> points = thinned(cloud, voxel, kRange);
   int unit = 1;  // coordinates are rounded to multiples of it [steps]
-  for (double voxel = kVoxel; points.size() > kMaxPoints; unit = 2) {
+  for (; points.size() > kMaxPoints; unit = 2) {
     voxel *= std::sqrt(1.05 * static_cast<double>(points.size()) / kMaxPoints);  // of surfaces
     points = thinned(cloud, voxel, kRange);
   }
@@ -62,8 +62,10 @@ PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range) {
   return thin;
 }
 
-std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& mount) {
-  const std::vector<uint64_t> keys = sorted_keys(cloud);
+std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& mount,
+                          std::optional<double> scale) {
+  if (!scale) scale = scene_scale(PreparedScan(cloud));
+  const std::vector<uint64_t> keys = sorted_keys(cloud, *scale * kVoxel);
   const size_t n = keys.size();
   std::vector<uint8_t> bytes(n * kPlanes);
   for (size_t plane = 0; plane < kPlanes; ++plane)

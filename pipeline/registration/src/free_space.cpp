@@ -85,7 +85,7 @@ class SurfaceImage {
   bool is_before_surface(const Direction& direction, double margin) const {
     const int row = floor_of(direction.elevation);
     if (row < 0 || row >= kRows) return false;
-    const float surface = at(row, floor_of(direction.azimuth) % kColumns);
+    const float surface = ranges_[index(row, floor_of(direction.azimuth) % kColumns)];
     return surface < kNone && direction.range < static_cast<double>(surface) - margin;
   }
 
@@ -110,19 +110,9 @@ class SurfaceImage {
   static size_t index(int row, int column) {
     return static_cast<size_t>(row) * kColumns + static_cast<size_t>(column);
   }
-  float at(int row, int column) const { return ranges_[index(row, column)]; }
 
   std::vector<float> ranges_ = std::vector<float>(kRows * kColumns, kNone);  // [row][column] [m]
 };
-
-double scale_of(const std::vector<Eigen::Vector3f>& upright) {
-  if (upright.empty()) return 1;
-  std::vector<float> ranges;
-  for (const Eigen::Vector3f& p : upright) ranges.push_back(p.norm());
-  const auto middle = ranges.begin() + std::ssize(ranges) / 2;
-  std::ranges::nth_element(ranges, middle);
-  return std::clamp(static_cast<double>(*middle) / kUsualRange, kLeastScale, 1.0);
-}
 
 /// Distance before a surface at which free space ends [m]. Outdoors surfaces are rougher, and
 /// ranges longer.
@@ -133,6 +123,16 @@ double margin_of(double scale, double range) {
 
 }  // namespace
 
+double scene_scale(const PreparedScan& scan) {
+  const std::vector<Eigen::Vector3f>& upright = scan.parts().upright;
+  if (upright.empty()) return 1;
+  std::vector<float> ranges;
+  for (const Eigen::Vector3f& p : upright) ranges.push_back(p.norm());
+  const auto middle = ranges.begin() + std::ssize(ranges) / 2;
+  std::ranges::nth_element(ranges, middle);
+  return std::clamp(static_cast<double>(*middle) / kUsualRange, kLeastScale, 1.0);
+}
+
 struct FreeSpace::Parts {
   double scale;
   int64_t upright;
@@ -142,7 +142,7 @@ struct FreeSpace::Parts {
 
 FreeSpace::FreeSpace(const PointCloud& cloud, const PreparedScan& prepared,
                      const RegistrationOptions& options) {
-  const double scale = scale_of(prepared.parts().upright);
+  const double scale = scene_scale(prepared);
   RegistrationOptions scaled = options;
   scaled.voxel_size = std::max(0.05, scale * options.voxel_size);
   const PreparedScan scan = scale < 1 ? PreparedScan(cloud, scaled) : prepared;
@@ -156,10 +156,6 @@ double FreeSpace::scale() const {
 
 int64_t FreeSpace::upright() const {
   return parts_->upright;
-}
-
-int64_t FreeSpace::scaled_upright() const {
-  return std::ssize(parts_->scan.parts().upright);
 }
 
 double Contradiction::fraction(double prior) const {
@@ -189,11 +185,10 @@ Contradiction contradiction(const FreeSpace& scan, const FreeSpace& other,
 
 double mutual_contradiction(const FreeSpace& query, const FreeSpace& place,
                             const Eigen::Isometry3d& T_place_query) {
-  Contradiction both = contradiction(query, place, T_place_query);
+  const Contradiction there = contradiction(query, place, T_place_query);
   const Contradiction back = contradiction(place, query, T_place_query.inverse());
-  both.confirmed += back.confirmed;
-  both.contradicted += back.contradicted;
-  return both.fraction(10);
+  return Contradiction{there.confirmed + back.confirmed, there.contradicted + back.contradicted}
+      .fraction(10);
 }
 
 }  // namespace revisit

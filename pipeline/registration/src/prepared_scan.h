@@ -53,8 +53,6 @@ class NearestNeighbors {
  private:
   /// nanoflann's result set that ends the search at the first point.
   struct AnyWithin {
-    using DistanceType = float;
-    using IndexType = uint32_t;
     float limit;
     bool found = false;
 
@@ -64,9 +62,6 @@ class NearestNeighbors {
     }
     float worstDist() const { return limit; }
     bool full() const { return true; }
-    bool empty() const { return !found; }
-    size_t size() const { return found ? 1 : 0; }
-    void sort() {}
   };
 
   struct Source {

@@ -217,7 +217,7 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
               &pairs);
   evaluate(query, place, options.inlier_distance, pairs, &result);
   result.fits = result.inlier_ratio >= options.min_inlier_ratio &&
-                    result.constraint >= options.min_constraint;
+                result.constraint >= options.min_constraint;
   return result;
 }
 

@@ -57,8 +57,8 @@ void LoopsOptions::declare(Options& options) {
               "all are queries (default all)",
               &keyframes)
       .option("threshold", "S",
-              "minimum score of an accepted loop: similarity plus inlier ratio if registered "
-              "(default: from --target-precision)",
+              "minimum score of an accepted loop; if registered: 0.1 similarity + level - "
+              "contradiction (default: from --target-precision)",
               &threshold)
       .excludes({"calibrate", "target-precision"})
       .common()
@@ -73,7 +73,7 @@ void LoopsOptions::declare(Options& options) {
       .common()
       .flag("no-verify",
             "no registration of candidates (default for ring descriptors: GICP estimates the "
-            "relative pose and its information, and the inlier ratio adds to the score)",
+            "relative pose and its information, and free space decides)",
             &no_verify)
       .excludes({"g2o", "tum"})
       .common()
@@ -138,7 +138,9 @@ LoopDetectorOptions detector_options(const LoopsOptions& o) {
 Calibration calibrated(const LoopsOptions& o, const MapSource& source, const std::string& sensor) {
   const Dataset dataset = open_drive(o.feature, o.calibrate, sensor, true);
   Map map(source.extractor, source.options);
-  LoopDetector detector(map, detector_options(o));
+  LoopDetectorOptions options = detector_options(o);
+  options.odometry = false;
+  LoopDetector detector(map, options);
   cli::Progress progress("calibrating", "scans", o.shows_progress());
   const MatchRule rule = rule_of(kCalibrationRadius);
   const std::vector<LabeledScore> matches = scores_by_place(

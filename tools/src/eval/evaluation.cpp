@@ -284,6 +284,7 @@ DrivingOrderOptions driving_order_options(const EvalOptions& given,
   how.detector.keyframes = given.keyframes;
   if (evaluation.score) how.detector.verify = false;  // the score of registered loops is another
   how.detector.keep_clouds = !evaluation.score;
+  how.detector.odometry = false;
   how.observer = given.feature.observer();
   return how;
 }

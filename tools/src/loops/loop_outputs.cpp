@@ -68,6 +68,9 @@ std::string LoopSummary::text() const {
         std::pair(rejected("similarity"), "but not enough to be registered"),
         std::pair(rejected("ambiguous"), "where the drive looks alike for long"),
         std::pair(rejected("registration"), "but their points do not fit"),
+        std::pair(rejected("contradicted"), "but points of one float in free space of the other"),
+        std::pair(rejected("hidden"), "but something near hides the scene"),
+        std::pair(rejected("odometry"), "but not by the poses"),
         std::pair(rejected("no points"), "but their entries have no readable points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);
   return skipped_ > 0 ? str(text, ", ", plural(skipped_, "scan"), " skipped") : text;

@@ -112,6 +112,12 @@ double PlaceIndex::similarity(std::span<const float> query, int64_t place) const
   return comparison_.similarity_of(query, descriptor(place));
 }
 
+std::optional<double> PlaceIndex::relative_yaw(std::span<const float> query, int64_t place) const {
+  check(query, "descriptor");
+  if (!comparison_.relative_yaw) return std::nullopt;
+  return comparison_.relative_yaw(descriptor(place), query);
+}
+
 void PlaceIndex::set_candidate_source(std::unique_ptr<CandidateSource> source, int64_t count) {
   if (source->size() != size_)
     throw UsageError(

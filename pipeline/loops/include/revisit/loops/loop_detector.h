@@ -57,9 +57,8 @@ struct LoopDetectorOptions {
   /// distance from the last keyframe, by the poses, is at least 1 m; "similarity=0.9", if the
   /// similarity to the last keyframe is below 0.9.
   std::string keyframes = "all";
-  /// Registers the most similar entries and accepts loops by their fit as well
-  /// (verified_calibration()). Absent: enabled if the feature estimates the relative yaw and points
-  /// are kept.
+  /// Registers the most similar entries and judges them by free space (verified_calibration()).
+  /// Absent: enabled if the feature estimates the relative yaw and points are kept.
   std::optional<bool> verify;
   /// Minimum score() for acceptance. Absent: the lowest that reaches `target_precision`.
   std::optional<double> threshold;
@@ -67,8 +66,11 @@ struct LoopDetectorOptions {
   /// default_target_precision().
   std::optional<double> target_precision;
   bool keep_clouds = true;  // stores points, to register later scans
-  /// Requires fewer inliers than registration alone, because the similarity counts, too.
-  RegistrationOptions registration{.min_inlier_ratio = 0.25};
+  /// Poses of scans are odometry: they measure the motion and reject loops. False for ground truth,
+  /// which must not help to find what it judges: consecutive scans are registered instead.
+  bool odometry = true;
+  /// Requires few inliers, because free space decides.
+  RegistrationOptions registration{.min_inlier_ratio = 0.1};
   /// Gets messages about the map (Map::Map()), and about a calibration of it that is corrupt or for
   /// another score, and ignored. Absent: standard error.
   MapStore::Warn warn;
@@ -77,16 +79,17 @@ struct LoopDetectorOptions {
 struct Detection {
   std::string error;             // empty: the scan was described
   std::optional<int64_t> index;  // index of the entry; absent: no keyframe
-  /// The most similar entry, or the better fitting one of two. If loops are registered, its score
+  /// The most similar entry, or the better fitting one of three. If loops are registered, its score
   /// is Score::kVerified, with the probability for this score.
   std::optional<Loop> loop;
   /// Registration of `loop`, if it is similar enough.
   std::optional<Registration> registered;
   /// `loop` reaches the threshold, is not ambiguous and, if loops are registered, fits.
   bool accepted = false;
-  /// "": no loop, or accepted; "score": below the threshold, or too few candidates, not registered;
-  /// "similarity": score above the threshold, but similarity too low to register; "ambiguous", "no
-  /// points" or "registration".
+  /// "": no loop, or accepted; "score": below the threshold, or too few candidates, not registered.
+  /// If loops are registered: "similarity": too low to register; "no points"; "registration": it
+  /// does not fit; "contradicted": by free space; "hidden": something near hides a scan;
+  /// "odometry": the poses of the drive exclude it. "ambiguous" in any case.
   std::string rejection;
   std::vector<int64_t> excluded;  // indices of temporal neighbors
 };
@@ -156,8 +159,7 @@ std::string drive_in_map(Map& map, const std::string& name, const PointsView& fi
 /// ring models reach 0.979.
 double default_target_precision(Score score);
 
-/// Default calibration of Score::kVerified for ring descriptors: similarity plus
-/// Registration::inlier_ratio, which is 0 if the similarity is too low to register.
+/// Default calibration of Score::kVerified for ring descriptors.
 const Calibration& verified_calibration();
 
 }  // namespace revisit

@@ -18,7 +18,10 @@ enum class Score {
   /// on how densely places are stored.
   kDistinctMargin,
   kSimilarity,  // c1, the similarity of the best
-  /// c1 plus the inlier ratio of a registered loop (LoopDetector); not computed by PlaceIndex.
+  /// Of a registered loop, by LoopDetector: 0.1 s^2 c1 + L - phi. phi is the contradiction of both
+  /// scans by free space (mutual_contradiction(); 0.5 if they do not fit), s the mean of their
+  /// scales (scene_scale()), L the usual contradiction of consecutive scans. A loop that misses the
+  /// threshold by less than 0.1 s, and agrees with a loop just before, has the threshold.
   kVerified,
 };
 /// Parses "margin", "distinct-margin", "similarity" or "verified"; throws

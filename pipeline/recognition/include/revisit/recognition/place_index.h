@@ -56,6 +56,8 @@ class PlaceIndex {
   void add_view(std::span<const float> descriptor);
   std::vector<float> descriptor(int64_t place) const;
   double similarity(std::span<const float> descriptor, int64_t place) const;
+  /// yaw(descriptor) - yaw(place), CCW [rad], if descriptors determine it.
+  std::optional<double> relative_yaw(std::span<const float> descriptor, int64_t place) const;
 
   bool by_cosine() const { return !comparison_.similarity; }
 

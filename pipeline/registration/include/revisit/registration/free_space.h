@@ -18,12 +18,9 @@ class FreeSpace {
   /// scale 1.
   FreeSpace(const PointCloud& cloud, const PreparedScan& prepared,
             const RegistrationOptions& options = {});
-  /// Median range of upright points over 16 m, at least 0.3 and at most 1.
-  double scale() const;
+  double scale() const;  ///< scene_scale()
   /// Number of upright points with the voxel size of scale 1. Few: something near hides the scene.
   int64_t upright() const;
-  /// The same with the voxel size of this scale.
-  int64_t scaled_upright() const;
 
   struct Parts;
   const Parts& parts() const { return *parts_; }  ///< for contradiction()

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -86,10 +87,16 @@ Registration register_scans(const PreparedScan& query, const PreparedScan& place
 /// Mean of the points of each voxel of edge `voxel` [m], within `range` [m].
 PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range);
 
-/// At most about 24 kB: the mean of each voxel of 0.4 m within 60 m, quantized to 1/32 m. Of more
-/// than 12,000 points, larger voxels and 1/16 m.
+/// Median range of the upright points (walls, trunks, cars) over 16 m, at least 0.3 and at most 1;
+/// 1 without any. Of default options.
+double scene_scale(const PreparedScan& scan);
+
+/// At most about 24 kB: the mean of each voxel within 60 m, quantized to 1/32 m. Voxels have 0.4 m
+/// times `scale`; absent: scene_scale() of the cloud. Of more than 12,000 points, larger voxels and
+/// 1/16 m.
 std::string compact_cloud(const PointCloud& cloud,
-                          const Eigen::Isometry3d& mount = Eigen::Isometry3d::Identity());
+                          const Eigen::Isometry3d& mount = Eigen::Isometry3d::Identity(),
+                          std::optional<double> scale = std::nullopt);
 
 /// Decodes compact_cloud(): points with x forward, y left and z up, and the mount, which transforms
 /// points from the sensor's frame to this one. Throws InputError for other bytes.

@@ -1,0 +1,167 @@
+#include "drive_history.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace revisit {
+namespace {
+
+// Constants were chosen together, on simulated offices and streets, a walk, NCLT and Riverside.
+constexpr double kHalt = 0.5;   // least distance of keyframes; a halt would lower the level [m]
+constexpr int64_t kSample = 4;  // one moving scan in 4 tells what is usual
+constexpr size_t kRecent = 25;  // of these
+constexpr size_t kMostAccepted = 5;      // loops that may confirm another
+constexpr double kMinInlierRatio = 0.1;  // of consecutive scans that are registered
+
+template <class Value>
+void push_recent(std::deque<Value>& values, Value value, size_t most) {
+  values.push_back(std::move(value));
+  if (values.size() > most) values.pop_front();
+}
+
+template <class Value>
+double median(const std::deque<Value>& values) {
+  std::vector<Value> sorted(values.begin(), values.end());
+  std::ranges::sort(sorted);
+  const size_t n = sorted.size();
+  return (static_cast<double>(sorted[(n - 1) / 2]) + static_cast<double>(sorted[n / 2])) / 2;
+}
+
+double yaw_of(const Eigen::Isometry3d& T) {
+  return std::atan2(T(1, 0), T(0, 0));
+}
+
+}  // namespace
+
+const PreparedScan& SeenScan::prepared() const {
+  if (!parts_->prepared) parts_->prepared.emplace(parts_->cloud, parts_->options);
+  return *parts_->prepared;
+}
+
+const FreeSpace& SeenScan::space() const {
+  if (!parts_->space) parts_->space.emplace(parts_->cloud, prepared(), parts_->options);
+  return *parts_->space;
+}
+
+void DriveHistory::arrive(const SeenScan& scan, const std::optional<Eigen::Isometry3d>& given,
+                          std::optional<double> relative_yaw) {
+  here_ = {.given = given};
+  if (reference_) {
+    const Eigen::Isometry3d motion = motion_of(scan, relative_yaw);
+    here_.pose = reference_->at.pose * motion;
+    here_.path = reference_->at.path + motion.translation().norm();
+  }
+  if ((!reference_ || is_moving()) && moved_++ % kSample == 0) sample(scan);
+}
+
+Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
+                                          std::optional<double> relative_yaw) {
+  if (here_.given && reference_->at.given) return reference_->at.given->inverse() * *here_.given;
+  if (!relative_yaw) return Eigen::Isometry3d::Identity();
+  const Registration found =
+      register_scans(scan.prepared(), reference_->scan.prepared(), *relative_yaw, options_);
+  if (found.inlier_ratio < kMinInlierRatio) accepted_.clear();  // the motion is unknown
+  return found.T_place_query;
+}
+
+bool DriveHistory::is_moving() const {
+  return here_.path - reference_->at.path >= kHalt;
+}
+
+void DriveHistory::sample(const SeenScan& scan) {
+  constexpr double kPrior = 5;
+  constexpr int64_t kMinUpright = 200;
+  scale_ = scan.space().scale();
+  push_recent(upright_, scan.space().upright(), kRecent);
+  if (!reference_) return;
+  const Contradiction found = contradiction(scan.space(), reference_->scan.space(),
+                                            reference_->at.pose.inverse() * here_.pose);
+  const auto upright = static_cast<double>(std::max(scan.space().upright(), kMinUpright));
+  if (static_cast<double>(found.confirmed) >= kMinInlierRatio * upright)
+    push_recent(contradictions_, found.fraction(kPrior), kRecent);
+}
+
+void DriveHistory::add(int64_t index, const SeenScan& scan) {
+  entries_[index] = here_;
+  if (!reference_ || is_moving()) reference_.emplace(Reference{index, here_, scan});
+}
+
+void DriveHistory::accept(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) {
+  push_recent(accepted_, AcceptedLoop{place, T_place_scan, here_}, kMostAccepted);
+}
+
+double DriveHistory::level() const {
+  constexpr double kUnknown = 0.03;
+  constexpr double kMost = 0.08;  // more means that registrations of consecutive scans fail
+  return contradictions_.size() < 5 ? kUnknown : std::min(kMost, median(contradictions_));
+}
+
+bool DriveHistory::is_hidden(const SeenScan& scan, const SeenScan& place) const {
+  if (upright_.empty()) return false;
+  // A few points fit everywhere, sooner in a small scene.
+  const double scale = (scan.space().scale() + place.space().scale()) / 2;
+  const double few = (0.25 + 0.6 * (1 - scale)) * median(upright_);
+  return static_cast<double>(std::min(scan.space().upright(), place.space().upright())) < few;
+}
+
+bool DriveHistory::is_refuted(const CandidatePlace& place,
+                              const Eigen::Isometry3d& T_place_scan) const {
+  const auto before = entries_.find(place.index);
+  if (before == entries_.end() || !place.pose || !here_.given) return false;
+  constexpr double kBase = 2, kRate = 0.05, kHeight = 0.5, kHeightRate = 0.01;  // [m], [m per m]
+  const double path = here_.path - before->second.path;
+  const Eigen::Isometry3d scan = *place.pose * T_place_scan;
+  const Eigen::Vector3d apart = scan.translation() - here_.given->translation();
+  // Worlds have any axes; the sensor's tilt is small.
+  const Eigen::Vector3d up =
+      (place.pose->linear().col(2) + here_.given->linear().col(2)).normalized();
+  const double height = apart.dot(up);
+  return (apart - height * up).norm() > kBase + kRate * path ||
+         std::abs(height) > kHeight + kHeightRate * path;
+}
+
+/// T_to_from by motions or poses of one drive, else by registration.
+std::optional<Eigen::Isometry3d> DriveHistory::between(const CandidatePlace& to,
+                                                       const CandidatePlace& from,
+                                                       const Eigen::Isometry3d& expected) const {
+  if (to.index == from.index) return Eigen::Isometry3d::Identity();
+  const auto T_to = entries_.find(to.index), T_from = entries_.find(from.index);
+  if (T_to != entries_.end() && T_from != entries_.end())
+    return T_to->second.pose.inverse() * T_from->second.pose;
+  if (to.drive == from.drive && to.pose && from.pose) return to.pose->inverse() * *from.pose;
+  if (expected.translation().norm() > options_.search_radius) return std::nullopt;
+  const Registration found =
+      register_scans(from.scan.prepared(), to.scan.prepared(), yaw_of(expected), options_);
+  if (!found.fits) return std::nullopt;
+  constexpr double kUsual = 2;  // times the level
+  constexpr int64_t kNear = 10;
+  const bool are_near = to.drive == from.drive && std::abs(to.index - from.index) <= kNear;
+  if (!are_near && mutual_contradiction(from.scan.space(), to.scan.space(), found.T_place_query) >
+                       kUsual * level())
+    return std::nullopt;
+  return found.T_place_query;
+}
+
+bool DriveHistory::confirms(const CandidatePlace& place,
+                            const Eigen::Isometry3d& T_place_scan) const {
+  constexpr double kWindow = 10, kBase = 1, kRate = 0.05;  // [m], [m], [m per m]
+  constexpr double kYaw = 5 * std::numbers::pi / 180;
+  for (auto earlier = accepted_.rbegin(); earlier != accepted_.rend(); ++earlier) {
+    const double path = here_.path - earlier->at.path;
+    if (path > kWindow) return false;
+    // The scan's pose at the earlier place, by the earlier loop and the motion since.
+    const Eigen::Isometry3d T_earlier_scan =
+        earlier->T_place_scan * earlier->at.pose.inverse() * here_.pose;
+    const auto T_place_earlier =
+        between(place, earlier->place, T_place_scan * T_earlier_scan.inverse());
+    if (!T_place_earlier) continue;
+    const Eigen::Isometry3d error = T_place_scan.inverse() * *T_place_earlier * T_earlier_scan;
+    if (error.translation().head<2>().norm() < kBase + kRate * path &&
+        std::abs(yaw_of(error)) < kYaw)
+      return true;
+  }
+  return false;
+}
+
+}  // namespace revisit

@@ -1,0 +1,111 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "revisit/maps/map.h"
+#include "revisit/registration/free_space.h"
+#include "revisit/registration/registration.h"
+
+namespace revisit {
+
+/// A scan as registration and free space need it, which takes milliseconds and is therefore
+/// computed when it is first needed. Copies share their data. Not thread-safe.
+class SeenScan {
+ public:
+  SeenScan(PointCloud cloud, const RegistrationOptions& options)
+      : parts_(std::make_shared<Parts>(Parts{std::move(cloud), options, {}, {}})) {}
+  const PointCloud& cloud() const { return parts_->cloud; }
+  const PreparedScan& prepared() const;
+  const FreeSpace& space() const;
+
+ private:
+  struct Parts {
+    PointCloud cloud;
+    RegistrationOptions options;
+    std::optional<PreparedScan> prepared;
+    std::optional<FreeSpace> space;
+  };
+  std::shared_ptr<Parts> parts_;
+};
+
+/// A map entry as a candidate of a loop. Poses are those of the mounted frame, with z up.
+struct CandidatePlace {
+  int64_t index;  // in the map
+  std::string drive;
+  std::optional<Eigen::Isometry3d> pose;  // T_world_place
+  SeenScan scan;
+};
+
+/// What the preceding scans of a drive tell about its next loop: the motion, what is usual, and the
+/// loops accepted on the last meters. Poses are those of the mounted frame.
+class DriveHistory {
+ public:
+  explicit DriveHistory(const RegistrationOptions& options) : options_(options) {}
+
+  /// The entry to which motions refer; absent at first.
+  std::optional<int64_t> reference() const {
+    return reference_ ? std::optional(reference_->index) : std::nullopt;
+  }
+  /// The drive's next scan. Its motion is estimated by registration, from `relative_yaw` to the
+  /// reference, if it or the reference has no pose.
+  void arrive(const SeenScan& scan, const std::optional<Eigen::Isometry3d>& T_world_scan,
+              std::optional<double> relative_yaw);
+  /// The scan of the last arrive() is the entry at `index`.
+  void add(int64_t index, const SeenScan& scan);
+  /// The loop of that scan to `place` is accepted.
+  void accept(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan);
+
+  /// That of a recent scan (scene_scale()).
+  double scale() const { return scale_; }
+  /// Usual contradiction between consecutive scans: traffic, leaves and noise.
+  double level() const;
+  /// Something near hides the scene from one of both.
+  bool is_hidden(const SeenScan& scan, const SeenScan& place) const;
+  /// The poses of both refute the loop: odometry does not drift that much.
+  bool is_refuted(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
+  /// The pose agrees with a loop accepted on the last 10 m.
+  bool confirms(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
+
+ private:
+  struct Position {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // in the drive, by its motions
+    double path = 0;                                         // since its first scan [m]
+    std::optional<Eigen::Isometry3d> given;                  // T_world_scan of the user
+  };
+  struct Reference {
+    int64_t index;
+    Position at;
+    SeenScan scan;
+  };
+  struct AcceptedLoop {
+    CandidatePlace place;
+    Eigen::Isometry3d T_place_scan;
+    Position at;
+  };
+
+  /// T_reference_scan
+  Eigen::Isometry3d motion_of(const SeenScan& scan, std::optional<double> relative_yaw);
+  bool is_moving() const;
+  void sample(const SeenScan& scan);
+  std::optional<Eigen::Isometry3d> between(const CandidatePlace& to, const CandidatePlace& from,
+                                           const Eigen::Isometry3d& expected) const;
+
+  RegistrationOptions options_;
+  Position here_;
+  std::optional<Reference> reference_;
+  int64_t moved_ = 0;  // number of scans that are no halt
+  double scale_ = 1;
+  std::deque<double> contradictions_;              // of sampled scans in the keyframes before
+  std::deque<int64_t> upright_;                    // of sampled scans: numbers of upright points
+  std::deque<AcceptedLoop> accepted_;              // of the last meters
+  std::unordered_map<int64_t, Position> entries_;  // index -> position, of this drive
+};
+
+}  // namespace revisit

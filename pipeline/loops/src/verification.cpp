@@ -1,0 +1,134 @@
+#include "verification.h"
+
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
+
+namespace revisit {
+namespace {
+
+/// Transforms a registration of mounted points to the sensors' frames. `mount`: of the query.
+void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
+                      Registration& registered) {
+  registered.T_place_query = mount_of_place.inverse() * registered.T_place_query * mount;
+  // Motions of the query and of the mounted query are related by the adjoint Ad(mount).
+  const Eigen::Matrix3d R = mount.rotation();
+  Eigen::Matrix3d cross;
+  const Eigen::Vector3d& t = mount.translation();
+  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+  Eigen::Matrix<double, 6, 6> adjoint = Eigen::Matrix<double, 6, 6>::Zero();
+  adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = R;
+  adjoint.topRightCorner<3, 3>() = cross * R;
+  registered.information = adjoint.transpose() * registered.information * adjoint;
+}
+
+}  // namespace
+
+void Verification::arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp) {
+  std::optional<Eigen::Isometry3d> pose;
+  if (stamp.pose && options_.odometry) pose = *stamp.pose * map_.options().mount.inverse();
+  const std::optional<int64_t> before = history_.reference();
+  history_.arrive(seen, pose, before && !pose ? map_.relative_yaw(scan, *before) : std::nullopt);
+}
+
+double Verification::score_of(double similarity, double scale, double contradiction) const {
+  // Indoors, places that look alike differ by less: the similarity counts less.
+  constexpr double kSimilarity = 0.1;
+  return kSimilarity * scale * scale * similarity + history_.level() - contradiction;
+}
+
+Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenScan& query,
+                                                   bool drives) const {
+  constexpr double kMinSimilarity = 0.25;
+  constexpr double kUnknown = 0.5;  // contradiction of loops that are not judged
+  Candidate candidate{.loop = loop};
+  candidate.loop.score = score_of(loop.similarity, history_.scale(), kUnknown);
+  const std::string judged =
+      loop.similarity < kMinSimilarity ? "similarity" : register_entry(query, drives, candidate);
+  candidate.rejection = acceptance_.decide(candidate.loop);
+  if (candidate.rejection == "ambiguous") return candidate;
+  if (!judged.empty()) candidate.rejection = judged;
+  if (candidate.rejection == "score" && acceptance_.threshold())
+    candidate.rejection = "contradicted";
+  return candidate;
+}
+
+/// Returns the rejection, "" if only the score decides.
+std::string Verification::register_entry(const SeenScan& query, bool drives,
+                                         Candidate& candidate) const {
+  const Loop& loop = candidate.loop;
+  std::string bytes;
+  std::pair<PointCloud, Eigen::Isometry3d> entry;  // with its mount
+  try {
+    map_.use_store([&](MapStore& store) { bytes = store.cloud(loop.id); });
+    if (bytes.empty()) return "no points";
+    entry = expand_cloud(bytes);
+  } catch (const InputError& error) {
+    if (corrupt_.insert(loop.id).second) options_.warn(str("entry ", loop.id, ": ", error.what()));
+    return "no points";
+  }
+  const Eigen::Isometry3d& mount = entry.second;
+  const SeenScan place(std::move(entry.first), options_.registration);
+  Registration found =
+      register_scans(query.prepared(), place.prepared(), *loop.relative_yaw, options_.registration);
+  candidate.T_place_query = found.T_place_query;
+  to_sensor_frames(mount, map_.options().mount, found);
+  candidate.registered = found;
+  if (!found.fits) return "registration";
+  std::optional<Eigen::Isometry3d> pose;
+  if (loop.pose && options_.odometry) pose = *loop.pose * mount.inverse();
+  candidate.place.emplace(CandidatePlace{loop.index, loop.drive, pose, place});
+  return judge(query, drives, candidate);
+}
+
+/// Sets the score by free space, unless there are reasons against the loop. Returns as
+/// register_entry().
+std::string Verification::judge(const SeenScan& query, bool drives, Candidate& candidate) const {
+  constexpr double kConfirmed = 0.1;  // a confirmed loop may have less than the threshold
+  const CandidatePlace& place = *candidate.place;
+  const Eigen::Isometry3d& T = candidate.T_place_query;
+  if (history_.is_hidden(query, place.scan)) return "hidden";
+  if (drives && history_.is_refuted(place, T)) return "odometry";
+  const double scale = (query.space().scale() + place.scan.space().scale()) / 2;
+  double& score = candidate.loop.score;
+  score = score_of(candidate.loop.similarity, scale,
+                   mutual_contradiction(query.space(), place.scan.space(), T));
+  const std::optional<double> threshold = acceptance_.threshold();
+  if (drives && threshold && score < *threshold && score >= *threshold - kConfirmed * scale &&
+      history_.confirms(place, T))
+    score = *threshold;
+  return "";
+}
+
+void Verification::verify(const Description& scan, const SeenScan& seen, bool drives,
+                          Detection& found) {
+  constexpr int kMost = 3;
+  constexpr double kClear = 0.3;  // inlier ratio of an accepted loop that no other could beat
+  const auto rank = [](const Candidate& one) {
+    return std::tuple(one.rejection.empty(), one.place.has_value(), one.loop.score);
+  };
+  std::vector<int64_t> excluded = found.excluded;
+  std::optional<Candidate> best;
+  std::optional<Loop> next = found.loop;
+  for (int i = 0; i < kMost && next; ++i) {
+    const Candidate candidate = candidate_of(*next, seen, drives);
+    const bool is_similar = candidate.rejection != "similarity";
+    if (!best || (is_similar && rank(candidate) > rank(*best))) best = candidate;
+    const bool is_clear =
+        candidate.rejection.empty() && candidate.registered->inlier_ratio >= kClear;
+    if (is_clear || !is_similar) break;
+    const std::vector<int64_t> near = map_.around(next->index, true);
+    excluded.insert(excluded.end(), near.begin(), near.end());
+    excluded.push_back(next->index);
+    next = map_.query(scan, excluded);
+  }
+  found.loop = best->loop;
+  found.registered = best->registered;
+  found.rejection = best->rejection;
+  if (drives && found.rejection.empty()) history_.accept(*best->place, best->T_place_query);
+}
+
+}  // namespace revisit

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "acceptance.h"
+#include "drive_history.h"
+#include "revisit/loops/loop_detector.h"
+
+namespace revisit {
+
+/// Registers the most similar entries of a map and judges them by free space, by the scans before
+/// and by poses. Keeps references to its arguments.
+class Verification {
+ public:
+  Verification(const Map& map, const LoopDetectorOptions& options, const Acceptance& acceptance)
+      : map_(map), options_(options), acceptance_(acceptance), history_(options.registration) {}
+
+  /// The drive's next scan.
+  void arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp);
+  /// The scan of the last arrive() is the entry at `index`.
+  void add(int64_t index, const SeenScan& seen) { history_.add(index, seen); }
+  /// Chooses among the entry of `found` and up to two other places. `drives`: the scan is that of
+  /// the last arrive().
+  void verify(const Description& scan, const SeenScan& seen, bool drives, Detection& found);
+  /// That of a recent scan (scene_scale()).
+  double scale() const { return history_.scale(); }
+
+ private:
+  struct Candidate {
+    Loop loop;
+    std::optional<CandidatePlace> place = {};                         // if it fits
+    Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();  // of mounted points
+    std::optional<Registration> registered = {};                      // in the sensors' frames
+    std::string rejection = {};
+  };
+
+  double score_of(double similarity, double scale, double contradiction) const;
+  Candidate candidate_of(const Loop& loop, const SeenScan& query, bool drives) const;
+  std::string register_entry(const SeenScan& query, bool drives, Candidate& candidate) const;
+  std::string judge(const SeenScan& query, bool drives, Candidate& candidate) const;
+
+  const Map& map_;
+  const LoopDetectorOptions& options_;
+  const Acceptance& acceptance_;
+  DriveHistory history_;
+  mutable std::set<int64_t> corrupt_;  // ids of entries whose points were reported
+};
+
+}  // namespace revisit
