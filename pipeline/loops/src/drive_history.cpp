@@ -46,23 +46,46 @@ const FreeSpace& SeenScan::space() const {
 
 void DriveHistory::arrive(const SeenScan& scan, const std::optional<Eigen::Isometry3d>& given,
                           std::optional<double> relative_yaw) {
+  before_ = here_;
   here_ = {.given = given};
   if (reference_) {
     const Eigen::Isometry3d motion = motion_of(scan, relative_yaw);
     here_.pose = reference_->at.pose * motion;
     here_.path = reference_->at.path + motion.translation().norm();
+    step_ = (before_.pose.inverse() * here_.pose).translation().norm();
   }
   if ((!reference_ || is_moving()) && moved_++ % kSample == 0) sample(scan);
 }
 
+/// Rings may take a corridor for itself turned around, and registration one bay for the next.
 Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
                                           std::optional<double> relative_yaw) {
   if (here_.given && reference_->at.given) return reference_->at.given->inverse() * *here_.given;
-  if (!relative_yaw) return Eigen::Isometry3d::Identity();
-  const Registration found =
-      register_scans(scan.prepared(), reference_->scan.prepared(), *relative_yaw, options_);
-  if (found.inlier_ratio < kMinInlierRatio) accepted_.clear();  // the motion is unknown
-  return found.T_place_query;
+  const Eigen::Isometry3d before = reference_->at.pose.inverse() * before_.pose;
+  if (!relative_yaw) return before;
+  constexpr double kTurn = 30 * std::numbers::pi / 180;  // since the scan before
+  constexpr double kGood = 0.5;                          // inlier ratio
+  RegistrationOptions options = options_;
+  options.search_radius =
+      std::min(options.search_radius, 1.5 + before.translation().norm() + step_);
+  const auto registered = [&](double yaw) {
+    return register_scans(scan.prepared(), reference_->scan.prepared(), yaw, options);
+  };
+  const auto fit_of = [&](const Registration& one) {
+    return one.inlier_ratio -
+           mutual_contradiction(scan.space(), reference_->scan.space(), one.T_place_query);
+  };
+  Registration found = registered(*relative_yaw);
+  const double turn = std::remainder(*relative_yaw - yaw_of(before), 2 * std::numbers::pi);
+  if (std::abs(turn) > kTurn || found.inlier_ratio < kGood) {
+    const Registration straight = registered(yaw_of(before));
+    if (fit_of(straight) > fit_of(found)) found = straight;
+  }
+  const Eigen::Vector3d shift = found.T_place_query.translation();
+  if (found.inlier_ratio >= kMinInlierRatio && shift.norm() < 2 * options.search_radius)
+    return found.T_place_query;
+  accepted_.clear();  // the motion is unknown
+  return before;
 }
 
 bool DriveHistory::is_moving() const {

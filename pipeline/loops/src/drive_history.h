@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <deque>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <unordered_map>
@@ -98,7 +99,8 @@ class DriveHistory {
                                            const Eigen::Isometry3d& expected) const;
 
   RegistrationOptions options_;
-  Position here_;
+  Position here_, before_;  // of this scan and the one before
+  double step_ = std::numeric_limits<double>::infinity();  // between these [m]
   std::optional<Reference> reference_;
   int64_t moved_ = 0;  // number of scans that are no halt
   double scale_ = 1;
