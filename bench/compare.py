@@ -3,10 +3,10 @@
 
   bench/compare.py engines               revisit, im2col + OpenBLAS, oneDNN and OpenCV in one run
   bench/compare.py threads               utilization of 8 and 16 threads, simulated from the pieces of work
-  bench/compare.py peers --python PYTHON ONNX Runtime and OpenVINO, float32 and bf16
+  bench/compare.py peers                 ONNX Runtime and OpenVINO, float32 and bf16
 
 Needs only Python's standard library and the packages of tools/bench_packages.txt. `peers` needs:
-  python3 -m venv peers && peers/bin/pip install . onnx onnxruntime openvino
+  python3 -m venv peers && peers/bin/pip install . onnx onnxruntime openvino && peers/bin/python bench/compare.py peers
 """
 
 import argparse
@@ -24,29 +24,14 @@ from tables import markdown
 ROOT = Path(__file__).resolve().parents[1]
 RANGE_IMAGE = (107, 4000)
 # Net, height, width, whether the engines may exploit equal input channels.
-CASES = [('alexnet', *RANGE_IMAGE, True),
-         ('vgg_cnn_s', *RANGE_IMAGE, True),
-         ('places_cnds8', *RANGE_IMAGE, True),
-         ('alexnet', 112, 4000, True),
-         ('alexnet', 227, 227, False),
-         ('squeezenet', 227, 227, False),
-         ('squeezenet', 112, 4000, True),
-         ('vgg16', 224, 224, False),
-         ('vgg16', 112, 4000, True),
-         ('resnet50', 224, 224, False),
-         ('resnet50', 112, 4000, True)]
+CASES = [('alexnet', *RANGE_IMAGE, True), ('vgg_cnn_s', *RANGE_IMAGE, True), ('places_cnds8', *RANGE_IMAGE, True),
+         ('alexnet', 112, 4000, True), ('alexnet', 227, 227, False), ('squeezenet', 227, 227, False), ('squeezenet', 112, 4000, True),
+         ('vgg16', 224, 224, False), ('vgg16', 112, 4000, True), ('resnet50', 224, 224, False), ('resnet50', 112, 4000, True)]
 PAPER_CASES = CASES[:3]
 # Net, channels (1: replicated single channel of a range image), height, width.
-PEER_CASES = [('alexnet', 1, *RANGE_IMAGE),
-              ('vgg_cnn_s', 1, *RANGE_IMAGE),
-              ('places_cnds8', 1, *RANGE_IMAGE),
-              ('whole_alexnet', 3, 227, 227),
-              ('whole_vgg16', 3, 224, 224),
-              ('googlenet', 3, 224, 224),
-              ('whole_squeezenet', 3, 227, 227),
-              ('mobilenet_v1', 3, 224, 224),
-              ('mobilenet_v2', 3, 224, 224),
-              ('resnet50', 3, 224, 224)]
+PEER_CASES = [('alexnet', 1, *RANGE_IMAGE), ('vgg_cnn_s', 1, *RANGE_IMAGE), ('places_cnds8', 1, *RANGE_IMAGE),
+              ('whole_alexnet', 3, 227, 227), ('whole_vgg16', 3, 224, 224), ('googlenet', 3, 224, 224), ('whole_squeezenet', 3, 227, 227),
+              ('mobilenet_v1', 3, 224, 224), ('mobilenet_v2', 3, 224, 224), ('resnet50', 3, 224, 224)]
 BUSY_THREADS = (2, 8, 16)
 NOTES = {('opencv', 'vgg_cnn_s'): "wrong result: OpenCV's importer of Caffe nets ignores k of LRN"}
 
@@ -57,8 +42,7 @@ def run(command, **options):
 
 def output_of(command):
     # Removes variables that may select slower kernels.
-    environment = {k: v for k, v in os.environ.items()
-                   if k not in ('OPENBLAS_CORETYPE', 'OPENBLAS_L2_SIZE', 'OMP_NUM_THREADS')}
+    environment = {k: v for k, v in os.environ.items() if k not in ('OPENBLAS_CORETYPE', 'OPENBLAS_L2_SIZE', 'OMP_NUM_THREADS')}
     return json.loads(run(command, stdout=subprocess.PIPE, env=environment).stdout)
 
 
@@ -90,26 +74,32 @@ class Programs:
         if not weights.exists():
             whole = self.folder / f'{name}_{channels}.prototxt'
             whole.write_text(NETS[name](1, channels, whole_size, whole_size))
-            run([self.build / 'tools' / 'revisit', 'models', 'make-random', '--net', whole, '-o', self.folder],
-                stdout=subprocess.DEVNULL)
+            run([self.build / 'tools' / 'revisit', 'models', 'make-random', '--net', whole, '-o', self.folder], stdout=subprocess.DEVNULL)
             (self.folder / f'{whole.stem}_random.caffemodel').rename(weights)
         return prototxt, weights
 
     def peers(self, case, threads, options):
+        import peers  # needs numpy
         name, channels, height, width = case
         prototxt, weights = self.net(name, 1, height, width, channels)
         revisit, onnx = self.build / 'tools' / 'revisit', prototxt.with_suffix('.onnx')
         if not onnx.exists():
-            run([options.python, '-m', 'revisit.conversion', 'onnx', prototxt, weights, onnx, '--fixed', '--no-check'],
-                stdout=subprocess.DEVNULL)
-        return output_of([options.python, ROOT / 'bench' / 'peers.py', revisit, prototxt, weights,
-                          onnx, '--threads', threads, '--repeat', options.repeat])
+            run([sys.executable, '-m', 'revisit.conversion', 'onnx', prototxt, weights, onnx, '--fixed', '--no-check'], stdout=subprocess.DEVNULL)
 
-    def compare(self, case, threads, repeat, extra=()):
+        def profile(precision):
+            total = output_of([revisit, 'net', 'profile', prototxt, weights, '--threads', threads, '--repeat', options.repeat,
+                               '--precision', precision, '--format', 'json'])['total_ms']
+            return total['min'], total['median']
+        return {'input': [1, *case[1:]], 'threads': threads, 'engines': peers.compared(profile, onnx, threads, options.repeat)}
+
+    def engines(self, case, threads, options):
         net, height, width, gray = case
-        command = [self.bench('revisit_compare'), *self.net(net, 1, height, width),
-                   '--threads', threads, '--repeat', repeat, *extra]
-        return output_of(command + (['--gray'] if gray else []))
+        return output_of([self.bench('revisit_compare'), *self.net(net, 1, height, width), '--threads', threads, '--repeat', options.repeat,
+                          *options.engines, *['--gray'] * gray])
+
+    def threads(self, case, threads, options):
+        name, channels, height, width = case
+        return output_of([self.bench('revisit_busy_threads'), self.prototxt(name, 1, 3, height, width), threads, *['gray'] * (channels == 1)])
 
 
 def engines_table(results):
@@ -117,8 +107,7 @@ def engines_table(results):
     for result in results:
         ours = result['engines'][0]
         for engine in result['engines']:
-            times = [f"{engine['min_ms']:.2f}", f"{engine['median_ms']:.2f}",
-                     f"{engine['cpu_ms']:.2f}", f"{engine['steps_ms']:.2f}"]
+            times = [f"{engine['min_ms']:.2f}", f"{engine['median_ms']:.2f}", f"{engine['cpu_ms']:.2f}", f"{engine['steps_ms']:.2f}"]
             ratios = [f"{engine[key] / ours[key]:.2f}" for key in ('min_ms', 'median_ms', 'cpu_ms')]
             note = NOTES.get((engine['engine'], result['net']), '')
             rows.append([result['net'], 'x'.join(map(str, result['input'])), str(result['threads']),
@@ -138,8 +127,7 @@ def peers_table(results):
             rows.append([result['net'], 'x'.join(map(str, result['input'])), str(result['threads']),
                          engine['engine'], engine['precision'], f"{engine['min_ms']:.2f}",
                          f"{engine['median_ms']:.2f}", *ratios])
-    return markdown(['net', 'input', 'threads', 'engine', 'precision', 'min ms', 'median ms', 'min / ours',
-                  'median / ours'], rows)
+    return markdown(['net', 'input', 'threads', 'engine', 'precision', 'min ms', 'median ms', 'min / ours', 'median / ours'], rows)
 
 
 def threads_table(results):
@@ -154,34 +142,12 @@ def threads_table(results):
                   '% in fewer pieces than threads', '% outside of pieces', 'largest loss'], rows)
 
 
-def measure_threads(programs, options):
-    results = []
-    for net, channels, height, width in options.peer_cases:
-        prototxt = programs.prototxt(net, 1, 3, height, width)
-        for threads in BUSY_THREADS:
-            command = [programs.bench('revisit_busy_threads'), prototxt, threads]
-            results.append({'net': net, **output_of(command + (['gray'] if channels == 1 else []))})
-    return results
-
-
-def measure_peers(programs, options):
-    results = []
-    for case in options.peer_cases:
-        for threads in options.threads:
-            results.append({'net': case[0], 'input': [1, *case[1:]], 'threads': threads,
-                            'engines': programs.peers(case, threads, options)})
-            print(f'{case[0]}, {threads} threads: done', file=sys.stderr)
-    return results
-
-
-def measure_engines(programs, options):
-    results = []
-    for case in options.cases:
-        for threads in options.threads:
-            extra = ['--engines', options.engines] if options.engines else []
-            result = programs.compare(case, threads, options.repeat, extra)
-            results.append({'net': case[0], **result})
-            print(f'{case[0]} {case[1]}x{case[2]}, {threads} threads: done', file=sys.stderr)
+def measured(options):
+    programs, results = Programs(options.build, options.build / 'nets', options.jobs), []
+    for case in options.cases if options.what == 'engines' else options.peer_cases:
+        for threads in BUSY_THREADS if options.what == 'threads' else options.threads:
+            results.append({'net': case[0], **getattr(programs, options.what)(case, threads, options)})
+            print(f'{case}, {threads} threads: done', file=sys.stderr)
     return results
 
 
@@ -192,20 +158,14 @@ def machine():
 
 
 def parse_options():
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('what', choices=['engines', 'threads', 'peers'])
-    parser.add_argument('-b', '--build', type=Path, default=ROOT / 'build' / 'bench',
-                        help='build folder (default: build/bench)')
-    parser.add_argument('-o', '--output', type=Path,
-                        help='folder for results.json and results.md (default: the build folder)')
+    parser.add_argument('-b', '--build', type=Path, default=ROOT / 'build' / 'bench', help='build folder (default: build/bench)')
+    parser.add_argument('-o', '--output', type=Path, help='folder for results.json and results.md (default: the build folder)')
     parser.add_argument('--nets', default='', help='regular expression for net and size, e.g. "resnet50 224x224", '
                         'to select from ' + ', '.join(NETS))
-    parser.add_argument('--all-sizes', action='store_true',
-                        help="every net and input size (default: the paper's three nets)")
-    parser.add_argument('--engines', help='some of revisit,original,onednn,opencv; revisit first')
-    parser.add_argument('--python', type=Path, default=Path(sys.executable),
-                        help='interpreter for peers, with the packages revisit, onnx, onnxruntime and openvino')
+    parser.add_argument('--all-sizes', action='store_true', help="every net and input size (default: the paper's three nets)")
+    parser.add_argument('--engines', default=[], type=lambda names: names.split(','), help='some of revisit,original,onednn,opencv; revisit first')
     parser.add_argument('--threads', default='1,2', help='default: 1,2')
     parser.add_argument('--repeat', type=int, default=20, help='passes (default: 20)')
     parser.add_argument('-j', '--jobs', type=int, default=os.cpu_count(), help='jobs of the build')
@@ -215,18 +175,15 @@ def parse_options():
                      if re.search(options.nets, f'{case[0]} {case[1]}x{case[2]}')]
     options.peer_cases = [case for case in PEER_CASES if re.search(options.nets, f'{case[0]} {case[2]}x{case[3]}')]
     options.build = options.build.absolute()
-    options.python = options.python.absolute()
     options.output = (options.output or options.build).absolute()
     return options
 
 
 def main():
     options = parse_options()
-    programs = Programs(options.build, options.build / 'nets', options.jobs)
-    measure, table_of = {'engines': (measure_engines, engines_table), 'peers': (measure_peers, peers_table),
-                         'threads': (measure_threads, threads_table)}[options.what]
-    results = measure(programs, options)
+    results = measured(options)
     report = {'machine': machine(), options.what: results}
+    table_of = {'engines': engines_table, 'peers': peers_table, 'threads': threads_table}[options.what]
     text = '{cpu}, {cores} cores, load {load:.1f}.\n\n'.format(**report['machine']) + '\n'.join(table_of(results)) + '\n'
     options.output.mkdir(parents=True, exist_ok=True)
     (options.output / 'results.json').write_text(json.dumps(report, indent=1))

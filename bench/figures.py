@@ -11,10 +11,8 @@ Backgrounds are opaque, so that pictures are readable in light and in dark theme
 
 import argparse
 import csv
-import json
-import subprocess
+import os
 import sys
-import tempfile
 from pathlib import Path
 
 import matplotlib
@@ -25,6 +23,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import tables  # noqa: E402
+from loop_lines import lines_of, pose_of  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / 'docs/figures'
@@ -147,10 +146,10 @@ def results_perturbed():
     save(figure, 'results_perturbed')
 
 
-def times_as_long(name, file, machine, engines, title, most):
+def times_as_long(name, file, machine, engines, title):
     rows = [row for row in rows_of(file) if row['machine'] == machine and row['threads'] == '1']
     labels = [f'{row["net"]}\n{row["input"]}: {float(row["revisit_min_ms"]):.1f} ms' for row in rows]
-    series = {title_of: (color, [min(float(row[column]), most) for row in rows]) for column, (title_of, color) in engines.items()}
+    series = {title_of: (color, [float(row[column]) for row in rows]) for column, (title_of, color) in engines.items()}
     figure, axes = plt.subplots(figsize=(7.2, 0.55 * len(rows) + 1.5), layout='constrained')
     bars(axes, labels, series, '{:.2f}', 'times as long as revisit (1 = revisit, float32); fastest pass, one thread')
     axes.axvline(1, color=RING, linewidth=1.5)
@@ -165,14 +164,14 @@ def speed_engines():
     """How fast is a network, compared with oneDNN, Caffe's algorithm and OpenCV?"""
     engines = {'onednn_times_as_long_min': ('oneDNN 2.6', TRAINED), 'im2col_openblas_times_as_long_min': ('im2col + OpenBLAS, as Caffe', CONTEXT),
                'opencv_dnn_times_as_long_min': ('OpenCV dnn 4.6', GRAY)}
-    times_as_long('speed_engines', 'speed_engines.csv', 'Intel Sapphire Rapids', engines, 'Intel Sapphire Rapids', 99)
+    times_as_long('speed_engines', 'speed_engines.csv', 'Intel Sapphire Rapids', engines, 'Intel Sapphire Rapids')
 
 
 @chart
 def speed_peers():
     """How fast compared with ONNX Runtime and OpenVINO?"""
     engines = {'onnxruntime_times_as_long_min': ('ONNX Runtime 1.32', CONTEXT), 'openvino_times_as_long_min': ('OpenVINO 2026.4', TRAINED)}
-    times_as_long('speed_peers', 'speed_peers.csv', 'AMD EPYC (Zen 4)', engines, 'AMD EPYC (Zen 4), float32', 99)
+    times_as_long('speed_peers', 'speed_peers.csv', 'AMD EPYC (Zen 4)', engines, 'AMD EPYC (Zen 4), float32')
 
 
 @chart
@@ -287,18 +286,8 @@ def read_scan(file):
     return np.fromfile(file, np.float32).reshape(-1, 4)[:, :3]
 
 
-def rotation(pose):
-    x, y, z, w = (pose[key] for key in ('qx', 'qy', 'qz', 'qw'))
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
-
-
-def loops_of(program, drive, *options):
-    with tempfile.NamedTemporaryFile(suffix='.jsonl') as file:
-        subprocess.run([program, 'loops', drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'meters=50',
-                        '--all', '--format', 'jsonl', '--quiet', '-o', file.name, *options], check=True)
-        return [json.loads(line) for line in Path(file.name).read_text().splitlines()]
+def loops_of(real, *options):
+    return lines_of(real / 'nclt/bin', '--poses', real / 'nclt/poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'meters=50', *options)
 
 
 def top_down(axes, clouds, title, reach=42):
@@ -310,18 +299,17 @@ def top_down(axes, clouds, title, reach=42):
 
 
 @picture
-def pair(program, real):
-    accepted = [loop for loop in loops_of(program, real / 'nclt') if loop.get('accepted')]
+def pair(real):
+    accepted = [loop for loop in loops_of(real) if loop.get('accepted')]
     loop = max(accepted, key=lambda loop: loop['score'])
     query, place = (read_scan(real / f'nclt/bin/{loop[key]:06}.bin') for key in ('frame', 'match_frame'))
-    relative = loop['registered']
-    moved = query @ rotation(relative).T + np.array([relative[key] for key in 'xyz'])
+    relative = pose_of(loop['registered'])
+    moved = query @ relative[:3, :3].T + relative[:3, 3]
     upright = [points[points[:, 2] > np.percentile(points[:, 2], 5) + 0.5] for points in (query, place, moved)]
     figure, axes = plt.subplots(1, 3, figsize=(10, 2.95), layout='constrained')
     top_down(axes[0], [(upright[0], QUERY)], f'Query: scan {loop["frame"]}')
     top_down(axes[1], [(upright[1], PLACE)], f'Recognized as: scan {loop["match_frame"]}')
-    top_down(axes[2], [(upright[1], PLACE), (upright[2], QUERY)],
-             f'Overlaid by the estimated pose, yaw {loop["yaw_deg"]:.0f} degrees')
+    top_down(axes[2], [(upright[1], PLACE), (upright[2], QUERY)], f'Overlaid by the estimated pose, yaw {loop["yaw_deg"]:.0f} degrees')
     axes[2].plot([28, 38], [-30, -30], color=INK, linewidth=2)
     axes[2].text(33, -29, '10 m', ha='center', va='bottom', fontsize=8)
     for panel in axes:
@@ -330,12 +318,12 @@ def pair(program, real):
 
 
 @picture
-def loops(program, real):
+def loops(real):
     """The accepted loops of a real drive, of single scans and of local maps."""
     figure, all_axes = plt.subplots(1, 2, figsize=(9, 3.6), layout='constrained')
     for axes, title, options in zip(all_axes, ('Single scans (default)', 'Local maps of 10 m (--local-map 10)'),
                                     ((), ('--local-map', '10', '--sensor', 'hdl64'))):
-        lines = loops_of(program, real / 'nclt', *options)
+        lines = loops_of(real, *options)
         at = {line['frame']: (line['position']['x'], line['position']['z']) for line in lines if 'position' in line}
         path = np.array(list(at.values()))
         driven = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
@@ -367,12 +355,13 @@ def main():
     parser.add_argument('--revisit', type=Path, help='the built program, for the pictures of real scans')
     parser.add_argument('--real', type=Path, default=ROOT / '../shared/real', help='folder of the real drives')
     options = parser.parse_args()
+    os.environ['REVISIT'] = str(options.revisit)
     names = options.name or [*CHARTS, *(PICTURES if options.revisit and options.real.exists() else ())]
     for name in names:
         if name in PICTURES:
             if not options.revisit:
                 raise SystemExit(f'figures: {name}: missing option --revisit PROGRAM')
-            PICTURES[name](options.revisit.resolve(), options.real.resolve())
+            PICTURES[name](options.real)
         elif name in CHARTS:
             CHARTS[name]()
         else:

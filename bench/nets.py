@@ -24,8 +24,7 @@ class Net:
         param = f'num_output: {outputs} kernel_size: {kernel} stride: {stride} pad: {pad} group: {group}'
         if not bias:
             param += ' bias_term: false'
-        return self.layer('Convolution', name, f'convolution_param {{ {param} }}',
-                          [bottom or self.last])
+        return self.layer('Convolution', name, f'convolution_param {{ {param} }}', [bottom or self.last])
 
     def relu(self):
         return self.layer('ReLU', self.last + '_relu', top=self.last)
@@ -35,12 +34,10 @@ class Net:
         return self.relu()
 
     def lrn(self, name, alpha, k):
-        return self.layer('LRN', name,
-                          f'lrn_param {{ local_size: 5 alpha: {alpha} beta: 0.75 k: {k} }}')
+        return self.layer('LRN', name, f'lrn_param {{ local_size: 5 alpha: {alpha} beta: 0.75 k: {k} }}')
 
     def pool(self, name, kernel, stride, kind='MAX', pad=0):
-        return self.layer('Pooling', name, f'pooling_param {{ pool: {kind} kernel_size: {kernel} '
-                                           f'stride: {stride} pad: {pad} }}')
+        return self.layer('Pooling', name, f'pooling_param {{ pool: {kind} kernel_size: {kernel} stride: {stride} pad: {pad} }}')
 
 
 def own_net(name, size, skipped=()):
@@ -61,16 +58,20 @@ def fire(net, number, squeeze, expand):
     net.layer('Concat', f'fire{number}/concat', bottoms=parts)
 
 
+def fires(net, last, pooled):
+    """Modules fire2 to fire`last`, with a pooling before those of `pooled`."""
+    for number, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128), (6, 48, 192), (7, 48, 192), (8, 64, 256),
+                                    (9, 64, 256))[:last - 1]:
+        if number in pooled:
+            net.pool(f'pool{number - 1}', 3, 2)
+        fire(net, number, squeeze, expand)
+
+
 def squeezenet(n, c, h, w):
     """Iandola et al. 2016, version 1.0, to fire8."""
     net = Net('squeezenet_v1.0_fire8', n, c, h, w)
     net.conv_relu('conv1', 96, 7, 2)
-    net.pool('pool1', 3, 2)
-    for number, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128),
-                                    (6, 48, 192), (7, 48, 192), (8, 64, 256)):
-        if number == 5:
-            net.pool('pool4', 3, 2)
-        fire(net, number, squeeze, expand)
+    fires(net, 8, (2, 5))
     return net.text
 
 
@@ -84,19 +85,13 @@ def vgg16_to_conv5_3(name, n, c, h, w):
     return net
 
 
-def vgg16(n, c, h, w):
-    """Simonyan and Zisserman 2014, to conv5_3 and its ReLU."""
-    return vgg16_to_conv5_3('vgg16_conv5_3', n, c, h, w).text
-
-
 def resnet50(n, c, h, w):
     """He et al. 2015: the full net if its last pooling fits, else to res5c."""
     net = Net('resnet50', n, c, h, w)
 
     def conv_bn(name, outputs, kernel, stride=1, pad=0, bottom=None, relu=True):
         net.conv('res' + name, outputs, kernel, stride, pad, bias=False, bottom=bottom)
-        net.layer('BatchNorm', 'bn' + name, 'batch_norm_param { use_global_stats: true }',
-                  top=net.last)
+        net.layer('BatchNorm', 'bn' + name, 'batch_norm_param { use_global_stats: true }', top=net.last)
         net.layer('Scale', 'scale' + name, 'scale_param { bias_term: true }', top=net.last)
         return net.relu() if relu else net.last
 
@@ -184,11 +179,7 @@ def whole_squeezenet(n, c, h, w):
     """Iandola et al. 2016, version 1.1, the full net."""
     net = Net('squeezenet_v1.1', n, c, h, w)
     net.conv_relu('conv1', 64, 3, 2)
-    for number, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128),
-                                    (6, 48, 192), (7, 48, 192), (8, 64, 256), (9, 64, 256)):
-        if number in (2, 4, 6):
-            net.pool(f'pool{number - 1}', 3, 2)
-        fire(net, number, squeeze, expand)
+    fires(net, 9, (2, 4, 6))
     net.conv_relu('conv10', 1000, 1)
     global_pool(net)
     net.layer('Softmax', 'prob')
@@ -238,7 +229,8 @@ def mobilenet_v2(n, c, h, w):
 NETS = {'alexnet': lambda *size: own_net('alexnet', size, ('conv4', 'conv5')).text,  # conv3 and pool5, the best in the paper
         'vgg_cnn_s': lambda *size: own_net('vgg_cnn_s', size, ('conv5',)).text,
         'places_cnds8': lambda *size: own_net('places_cnds8', size).text,
-        'squeezenet': squeezenet, 'vgg16': vgg16, 'resnet50': resnet50,
+        'vgg16': lambda *size: vgg16_to_conv5_3('vgg16_conv5_3', *size).text,  # Simonyan and Zisserman 2014, with its ReLU
+        'squeezenet': squeezenet, 'resnet50': resnet50,
         'whole_alexnet': lambda *size: classifier(own_net('alexnet', size), (4096, 4096)),
         'whole_vgg16': whole_vgg16, 'googlenet': googlenet,
         'whole_squeezenet': whole_squeezenet, 'mobilenet_v1': mobilenet_v1,

@@ -23,8 +23,7 @@ def main():
     parser.add_argument('drives', nargs='+')
     parser.add_argument('--pairs', type=int, default=200, help='total number of pairs (default %(default)s)')
     o = parser.parse_args()
-    print(f'{"drive":24}{"pairs":>6}{"accepted":>9}{"mean":>8}{"median":>8}{"90 %":>8}{"largest":>9}'
-          f'{"error [m]":>11}{"[deg]":>8}')
+    print(f'{"drive":24}{"pairs":>6}{"accepted":>9}{"mean":>8}{"median":>8}{"90 %":>8}{"largest":>9}' f'{"error [m]":>11}{"[deg]":>8}')
 
     def row(name, results):
         squares = normalized_squares(results)

@@ -21,6 +21,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from loop_lines import run
+
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / 'docs/data'
 IDENTITY = ('drive', 'name', 'keyframes', 'perturbation')
@@ -75,19 +77,20 @@ def row_of(drive, name, command):
 
 def measured(drive, name, command):
     """Version of the program, and the rows of a command."""
-    program = os.environ.get('REVISIT', 'build/release/tools/revisit')
     at = 2 if command[0] == 'revisit' else 1
     row = row_of(drive, name, command)
     with tempfile.TemporaryDirectory() as folder:
         data = command[at]
         if data.startswith('town:'):
             data = f'{folder}/town'
-            subprocess.run([program, 'simulate', '-o', data, '--sensor', 'vlp16', '--route', 'both', '--length', '300', '--every', '4', '--seed',
-                            command[at].partition(':')[2], '--quiet'], check=True)
+            run('simulate', '-o', data, '--sensor', 'vlp16', '--route', 'both', '--length', 300, '--every', 4, '--seed',
+                command[at].partition(':')[2], '--quiet')
         elif not Path(data).exists():
             raise FileNotFoundError(data)
-        words = [program, 'eval', data, '--format', 'json', '--no-report', '--quiet', '-o', folder] if at == 2 else [sys.executable, command[0], data]
-        done = subprocess.run([*words, *command[at + 1:]], check=True, stdout=subprocess.PIPE, text=True)
+        if at == 2:
+            done = run('eval', data, '--format', 'json', '--no-report', '--quiet', '-o', folder, *command[3:], stdout=subprocess.PIPE)
+        else:
+            done = subprocess.run([sys.executable, command[0], data, *command[2:]], check=True, stdout=subprocess.PIPE, text=True)
     found = json.loads(done.stdout)
     return found['info']['version'], [row | figures(task['metrics']) for task in found['tasks']]
 

@@ -12,8 +12,10 @@ have no place.
 
 import argparse
 import csv
+from pathlib import Path
 
 import numpy as np
+from acceptance import listed
 from scipy.optimize import isotonic_regression
 
 RIGHT_SHARE = 0.1
@@ -45,11 +47,7 @@ def of_poses(file):
 
 
 def of_pairs(file, lists, none_before):
-    places = {}
-    for name in lists:
-        for row in csv.DictReader(open(name)):
-            places.setdefault(int(row['query'][-6:]), []).append(int(row['place'][-6:]))
-    v, right, frames = [], [], []
+    places, v, right, frames = listed(map(Path, lists)), [], [], []
     for row in csv.DictReader(open(file)):
         frame = int(row['frame'])
         if row['match_drive'] != row['drive'] and row['score'] and (frame in places or frame <= none_before):

@@ -1,6 +1,6 @@
 // Runs one net through several engines in turn, on the same input. Prints times, and differences
 // from the first engine's output, as JSON.
-//   revisit_compare net.prototxt net.caffemodel [--threads N] [--repeat R] [--engines A,B] [--gray]
+//   revisit_compare net.prototxt net.caffemodel [ENGINE...] [--threads N] [--repeat R] [--gray]
 #include <time.h>
 #include <unistd.h>
 
@@ -55,19 +55,9 @@ struct Options {
   std::vector<std::string> engines = {};
 };
 
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> parts;
-  for (size_t begin = 0; begin <= text.size();) {
-    const size_t end = std::min(text.find(',', begin), text.size());
-    parts.push_back(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return parts;
-}
-
 Options parse(int argc, char** argv) {
   Options options;
-  std::vector<std::string> files;
+  std::vector<std::string> words;
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     const auto value = [&] {
@@ -80,18 +70,16 @@ Options parse(int argc, char** argv) {
       options.repeat = std::stoi(value());
     else if (argument == "--gray")
       options.setting.gray = true;
-    else if (argument == "--engines")
-      options.engines = split(value());
     else if (argument.starts_with("--"))
       throw UsageError(str("unknown option ", argument));
     else
-      files.push_back(argument);
+      words.push_back(argument);
   }
-  if (files.size() != 2)
+  if (words.size() < 2)
     throw UsageError(
-        "usage: revisit_compare PROTOTXT WEIGHTS [--threads N] [--repeat R] [--engines A,B] "
-        "[--gray]");
-  options.prototxt = files[0], options.weights = files[1];
+        "usage: revisit_compare PROTOTXT WEIGHTS [ENGINE...] [--threads N] [--repeat R] [--gray]");
+  options.prototxt = words[0], options.weights = words[1];
+  options.engines.assign(words.begin() + 2, words.end());
   if (options.engines.empty())
     for (const Engine& engine : engines()) options.engines.push_back(engine.name);
   return options;
@@ -191,11 +179,10 @@ void print(const Options& options, const Model& model, std::vector<Measured>& al
     const Difference d = difference(all[i].subject->output(), all[0].subject->output());
     std::printf(
         "%s\n    {\"engine\": \"%s\", \"name\": \"%s\", \"min_ms\": %.4f, \"median_ms\": %.4f, "
-        "\"cpu_ms\": %.4f, \"steps_ms\": %.4f, \"max_difference\": %.3g, \"rms_difference\": %.3g",
+        "\"cpu_ms\": %.4f, \"steps_ms\": %.4f, \"max_difference\": %.3g, \"rms_difference\": %.3g}",
         i ? "," : "", all[i].key.c_str(), all[i].subject->name().c_str(), all[i].samples_ms.front(),
         all[i].samples_ms[all[i].samples_ms.size() / 2], all[i].min_cpu_ms, all[i].steps_ms(),
         d.max, d.rms);
-    std::printf("}");
   }
   std::printf("]}\n");
 }

@@ -127,23 +127,17 @@ class OneDnn : public Subject {
   }
 
   void append(const Operation& operation) {
+    static const std::unordered_map<std::string, void (OneDnn::*)(const Operation&)> kAdd = {
+        {"Convolution", &OneDnn::add_convolution},
+        {"LRN", &OneDnn::add_lrn},
+        {"Pooling", &OneDnn::add_pooling},
+        {"ReLU", &OneDnn::add_relu},
+        {"Concat", &OneDnn::add_concat},
+        {"Softmax", &OneDnn::add_softmax},
+        {"InnerProduct", &OneDnn::add_inner_product}};
     const std::string& type = operation.layer->param.type();
-    if (type == "Convolution")
-      add_convolution(operation);
-    else if (type == "LRN")
-      add_lrn(operation);
-    else if (type == "Pooling")
-      add_pooling(operation);
-    else if (type == "ReLU")
-      add_relu(operation);
-    else if (type == "Concat")
-      add_concat(operation);
-    else if (type == "InnerProduct")
-      add_inner_product(operation);
-    else if (type == "Softmax")
-      add_softmax(operation);
-    else
-      throw UnsupportedError(str("oneDNN: no layer type ", type));
+    if (!kAdd.contains(type)) throw UnsupportedError(str("oneDNN: no layer type ", type));
+    (this->*kAdd.at(type))(operation);
   }
 
   template <class Primitive, class Descriptor>

@@ -13,6 +13,7 @@ from revisit import program, recognition
 from scans import room
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'bench'))
+import acceptance  # noqa: E402
 import discriminants  # noqa: E402
 import drives  # noqa: E402
 import rows  # noqa: E402
@@ -121,6 +122,33 @@ class Tables(unittest.TestCase):
             rows.keep(Path(folder, 'towns.json'), {'drive': 'town:11', 'name': 'a', 'ap': 1.0, 'keyframes': 1.0})
             (_, _, right), = tables.tables_in(['<!-- table: towns.json keyframes=1.0 routes=08,06 -->'])
         self.assertEqual(right[2:], ['| ouster-os1-64 | a | 0.625 (2) | - | 0.500 | 0.400 to 1 | 4 of 6 | 2 |'])
+
+
+class Acceptance(unittest.TestCase):
+    @staticmethod
+    def line(query, place, moved=0.0, turned=0.0):
+        """An accepted loop, registered `moved` meters along x and `turned` half turns of yaw from the place."""
+        registered = dict(x=moved, y=0.0, z=0.0, qx=0.0, qy=0.0, qz=np.sin(turned * np.pi / 2), qw=np.cos(turned * np.pi / 2))
+        return {'frame': query, 'match_frame': place, 'accepted': True, 'registered': registered}
+
+    def test_counts_by_the_registered_pose(self):
+        poses = acceptance.homogeneous(np.zeros((12, 12)) + np.eye(4)[:3].ravel())
+        poses[:, 0, 3] = [0, 10, 20, 30, 40, 50, 50, 40, 30, 20, 10, 3]
+        lines = [{'frame': frame} for frame in range(12)]
+        lines[8:] = [self.line(8, 3), self.line(9, 2, moved=2.0), self.line(10, 1, turned=1.0), self.line(11, 0, moved=3.5)]
+        counts, errors = acceptance.judged(lines, poses, excluded=3)
+        self.assertEqual(counts, {'possible': 4, 'correct': 2, 'incorrect': 2})
+        self.assertEqual([error[0] for error in errors], [0, 0.5])
+        self.assertEqual(acceptance.judged(lines, poses, excluded=3, reach=2)[0], {'possible': 3, 'correct': 1, 'impossible': 1, 'incorrect': 2})
+
+    def test_counts_of_laps_by_lists_and_the_time_between_them(self):
+        lines = [self.line(2, 3), self.line(3, 9), self.line(4, 4), self.line(5, 9), {'frame': 6}]  # 4 and 5 are not listed
+        with tempfile.TemporaryDirectory() as folder, mock.patch.object(acceptance, 'lines_of', lambda *_: lines):
+            counts = acceptance.second_lap(Path(folder), {2: [2], 3: [3], 6: []})
+            self.assertEqual((counts['possible'], counts['correct'], counts['incorrect']), (2, 1, 1))
+            for start, lap in enumerate(('first', 'second')):
+                np.savetxt(Path(folder, f'{lap}_times.txt'), np.arange(10) * 2 + 300 * start)
+            self.assertEqual(acceptance.second_lap(Path(folder), {2: [2], 3: [3], 6: []})['incorrect'], 2)
 
 
 if __name__ == '__main__':
