@@ -11,7 +11,6 @@ namespace {
 constexpr double kHalt = 0.5;   // least distance of keyframes; a halt would lower the level [m]
 constexpr int64_t kSample = 4;  // one moving scan in 4 tells what is usual
 constexpr size_t kRecent = 25;  // of these
-constexpr size_t kMostAccepted = 5;      // loops that may confirm another
 constexpr double kMinInlierRatio = 0.1;  // of consecutive scans that are registered
 
 template <class Value>
@@ -44,10 +43,11 @@ const FreeSpace& SeenScan::space() const {
   return *parts_->space;
 }
 
-void DriveHistory::arrive(const SeenScan& scan, const std::optional<Eigen::Isometry3d>& given,
+void DriveHistory::arrive(const SeenScan& scan, int64_t frame,
+                          const std::optional<Eigen::Isometry3d>& given,
                           std::optional<double> relative_yaw) {
   before_ = here_;
-  here_ = {.given = given};
+  here_ = {.frame = frame, .given = given, .stretch = here_.stretch};
   if (reference_) {
     const Eigen::Isometry3d motion = motion_of(scan, relative_yaw);
     here_.pose = reference_->at.pose * motion;
@@ -85,6 +85,7 @@ Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
   if (found.inlier_ratio >= kMinInlierRatio && shift.norm() < 2 * options.search_radius)
     return found.T_place_query;
   accepted_.clear();  // the motion is unknown
+  ++here_.stretch;
   return before;
 }
 
@@ -110,10 +111,6 @@ void DriveHistory::add(int64_t index, const SeenScan& scan) {
   if (!reference_ || is_moving()) reference_.emplace(Reference{index, here_, scan});
 }
 
-void DriveHistory::accept(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) {
-  push_recent(accepted_, AcceptedLoop{place, T_place_scan, here_}, kMostAccepted);
-}
-
 double DriveHistory::level() const {
   constexpr double kUnknown = 0.03;
   constexpr double kMost = 0.08;  // more means that registrations of consecutive scans fail
@@ -126,22 +123,6 @@ bool DriveHistory::is_hidden(const SeenScan& scan, const SeenScan& place) const 
   const double scale = (scan.space().scale() + place.space().scale()) / 2;
   const double few = (0.25 + 0.6 * (1 - scale)) * median(upright_);
   return static_cast<double>(std::min(scan.space().upright(), place.space().upright())) < few;
-}
-
-bool DriveHistory::is_refuted(const CandidatePlace& place,
-                              const Eigen::Isometry3d& T_place_scan) const {
-  const auto before = entries_.find(place.index);
-  if (before == entries_.end() || !place.pose || !here_.given) return false;
-  constexpr double kBase = 2, kRate = 0.05, kHeight = 0.5, kHeightRate = 0.01;  // [m], [m per m]
-  const double path = here_.path - before->second.path;
-  const Eigen::Isometry3d scan = *place.pose * T_place_scan;
-  const Eigen::Vector3d apart = scan.translation() - here_.given->translation();
-  // Worlds have any axes; the sensor's tilt is small.
-  const Eigen::Vector3d up =
-      (place.pose->linear().col(2) + here_.given->linear().col(2)).normalized();
-  const double height = apart.dot(up);
-  return (apart - height * up).norm() > kBase + kRate * path ||
-         std::abs(height) > kHeight + kHeightRate * path;
 }
 
 /// T_to_from by motions or poses of one drive, else by registration.

@@ -4,13 +4,15 @@
 #include <cstdint>
 #include <deque>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
+#include <string>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
-#include "revisit/maps/map.h"
+#include "revisit/loops/loop_detector.h"
 #include "revisit/registration/free_space.h"
 #include "revisit/registration/registration.h"
 
@@ -42,13 +44,15 @@ struct CandidatePlace {
   std::string drive;
   std::optional<Eigen::Isometry3d> pose;  // T_world_place
   SeenScan scan;
+  double path = 0;  // of its drive at the place, by poses [m]; only of other drives than the scan's
 };
 
 /// What the preceding scans of a drive tell about its next loop: the motion, what is usual, and the
 /// loops accepted on the last meters. Poses are those of the mounted frame.
 class DriveHistory {
  public:
-  explicit DriveHistory(const RegistrationOptions& options) : options_(options) {}
+  DriveHistory(const RegistrationOptions& options, const std::optional<OdometryGate>& gate)
+      : options_(options), gate_(gate) {}
 
   /// The entry to which motions refer; absent at first.
   std::optional<int64_t> reference() const {
@@ -56,12 +60,15 @@ class DriveHistory {
   }
   /// The drive's next scan. Its motion is estimated by registration, from `relative_yaw` to the
   /// reference, if it or the reference has no pose.
-  void arrive(const SeenScan& scan, const std::optional<Eigen::Isometry3d>& T_world_scan,
+  void arrive(const SeenScan& scan, int64_t frame,
+              const std::optional<Eigen::Isometry3d>& T_world_scan,
               std::optional<double> relative_yaw);
   /// The scan of the last arrive() is the entry at `index`.
   void add(int64_t index, const SeenScan& scan);
-  /// The loop of that scan to `place` is accepted.
-  void accept(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan);
+  /// The loop of that scan to `place` is accepted, or only objection() prevents it. Returns the
+  /// frames of accepted loops that it calls in question.
+  std::vector<int64_t> take_loop(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan,
+                                 bool accepted);
 
   /// That of a recent scan (scene_scale()).
   double scale() const { return scale_; }
@@ -69,16 +76,22 @@ class DriveHistory {
   double level() const;
   /// Something near hides the scene from one of both.
   bool is_hidden(const SeenScan& scan, const SeenScan& place) const;
-  /// The poses of both refute the loop: odometry does not drift that much.
+  bool is_of_drive(int64_t index) const { return entries_.contains(index); }
+  /// The poses of both refute the loop: odometry does not drift that much. Of another drive: the
+  /// poses and the loops that relate both drives.
   bool is_refuted(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
+  /// Rejection of a loop that is accepted otherwise: "odometry", "inconsistent" or "".
+  std::string objection(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
   /// The pose agrees with a loop accepted on the last 10 m.
   bool confirms(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
 
  private:
   struct Position {
+    int64_t frame = 0;
+    std::optional<Eigen::Isometry3d> given;                  // T_world_scan of the user
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // in the drive, by its motions
     double path = 0;                                         // since its first scan [m]
-    std::optional<Eigen::Isometry3d> given;                  // T_world_scan of the user
+    int64_t stretch = 0;  // between two of them the motion is unknown
   };
   struct Reference {
     int64_t index;
@@ -91,6 +104,25 @@ class DriveHistory {
     Position at;
   };
 
+  /// A loop, or several agreeing ones of a halt.
+  struct FittingLoop {
+    int64_t index;  // of the place, and the next three
+    std::string drive;
+    std::optional<Eigen::Isometry3d> pose;
+    double path;
+    Eigen::Isometry3d T_place_scan;
+    Position at;
+    std::vector<int64_t> frames = {};     // accepted, and not called in question
+    int agreeing = 0, contradicting = 0;  // of the loops on 30 m before and behind
+
+    bool is_outvoted() const { return contradicting >= agreeing + 2; }
+  };
+
+  FittingLoop fitting(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const {
+    return {place.index, place.drive, place.pose, place.path, T_place_scan, here_};
+  }
+  /// Absent: unknown.
+  std::optional<bool> agree(const FittingLoop& one, const FittingLoop& before) const;
   /// T_reference_scan
   Eigen::Isometry3d motion_of(const SeenScan& scan, std::optional<double> relative_yaw);
   bool is_moving() const;
@@ -99,6 +131,7 @@ class DriveHistory {
                                            const Eigen::Isometry3d& expected) const;
 
   RegistrationOptions options_;
+  std::optional<OdometryGate> gate_;
   Position here_, before_;  // of this scan and the one before
   double step_ = std::numeric_limits<double>::infinity();  // between these [m]
   std::optional<Reference> reference_;
@@ -107,6 +140,8 @@ class DriveHistory {
   std::deque<double> contradictions_;              // of sampled scans in the keyframes before
   std::deque<int64_t> upright_;                    // of sampled scans: numbers of upright points
   std::deque<AcceptedLoop> accepted_;              // of the last meters
+  std::deque<FittingLoop> fitting_;                // of the last 30 m
+  std::map<std::string, FittingLoop> related_;     // other drive -> last loop that relates it
   std::unordered_map<int64_t, Position> entries_;  // index -> position, of this drive
 };
 

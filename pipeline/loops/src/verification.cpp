@@ -31,7 +31,8 @@ void Verification::arrive(const Description& scan, const SeenScan& seen, const S
   std::optional<Eigen::Isometry3d> pose;
   if (stamp.pose && options_.odometry) pose = *stamp.pose * map_.options().mount.inverse();
   const std::optional<int64_t> before = history_.reference();
-  history_.arrive(seen, pose, before && !pose ? map_.relative_yaw(scan, *before) : std::nullopt);
+  history_.arrive(seen, stamp.frame, pose,
+                  before && !pose ? map_.relative_yaw(scan, *before) : std::nullopt);
 }
 
 double Verification::score_of(double similarity, double scale, double contradiction) const {
@@ -53,6 +54,9 @@ Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenS
   if (!judged.empty()) candidate.rejection = judged;
   if (candidate.rejection == "score" && acceptance_.threshold())
     candidate.rejection = "contradicted";
+  candidate.fits = candidate.rejection.empty();
+  if (candidate.fits && drives)
+    candidate.rejection = history_.objection(*candidate.place, candidate.T_place_query);
   return candidate;
 }
 
@@ -80,8 +84,26 @@ std::string Verification::register_entry(const SeenScan& query, bool drives,
   if (!found.fits) return "registration";
   std::optional<Eigen::Isometry3d> pose;
   if (loop.pose && options_.odometry) pose = *loop.pose * mount.inverse();
-  candidate.place.emplace(CandidatePlace{loop.index, loop.drive, pose, place});
+  candidate.place.emplace(
+      CandidatePlace{loop.index, loop.drive, pose, place, pose ? path_of(loop) : 0});
   return judge(query, drives, candidate);
+}
+
+/// Path of its drive to an entry of another drive [m], by poses.
+double Verification::path_of(const Loop& loop) const {
+  if (history_.is_of_drive(loop.index)) return 0;
+  std::map<int64_t, double>& paths = paths_[loop.drive];
+  if (!paths.contains(loop.index)) {
+    double path = 0;
+    std::optional<Eigen::Vector3d> before;
+    for (const auto& [frame, index] : map_.entries_of(loop.drive)) {
+      const std::optional<Eigen::Isometry3d> pose = map_.entry(index).pose;
+      if (pose && before) path += (pose->translation() - *before).norm();
+      if (pose) before = pose->translation();
+      paths[index] = path;
+    }
+  }
+  return paths[loop.index];
 }
 
 /// Sets the score by free space, unless there are reasons against the loop. Returns as
@@ -91,7 +113,8 @@ std::string Verification::judge(const SeenScan& query, bool drives, Candidate& c
   const CandidatePlace& place = *candidate.place;
   const Eigen::Isometry3d& T = candidate.T_place_query;
   if (history_.is_hidden(query, place.scan)) return "hidden";
-  if (drives && history_.is_refuted(place, T)) return "odometry";
+  if (drives && history_.is_of_drive(place.index) && history_.is_refuted(place, T))
+    return "odometry";
   const double scale = (query.space().scale() + place.scan.space().scale()) / 2;
   double& score = candidate.loop.score;
   score = score_of(candidate.loop.similarity, scale,
@@ -128,7 +151,9 @@ void Verification::verify(const Description& scan, const SeenScan& seen, bool dr
   found.loop = best->loop;
   found.registered = best->registered;
   found.rejection = best->rejection;
-  if (drives && found.rejection.empty()) history_.accept(*best->place, best->T_place_query);
+  if (drives && best->fits)
+    found.questioned =
+        history_.take_loop(*best->place, best->T_place_query, found.rejection.empty());
 }
 
 }  // namespace revisit

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -16,7 +17,10 @@ namespace revisit {
 class Verification {
  public:
   Verification(const Map& map, const LoopDetectorOptions& options, const Acceptance& acceptance)
-      : map_(map), options_(options), acceptance_(acceptance), history_(options.registration) {}
+      : map_(map),
+        options_(options),
+        acceptance_(acceptance),
+        history_(options.registration, options.odometry_gate) {}
 
   /// The drive's next scan.
   void arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp);
@@ -35,18 +39,21 @@ class Verification {
     Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();  // of mounted points
     std::optional<Registration> registered = {};                      // in the sensors' frames
     std::string rejection = {};
+    bool fits = false;  // it is accepted, or would be without DriveHistory::objection()
   };
 
   double score_of(double similarity, double scale, double contradiction) const;
   Candidate candidate_of(const Loop& loop, const SeenScan& query, bool drives) const;
   std::string register_entry(const SeenScan& query, bool drives, Candidate& candidate) const;
   std::string judge(const SeenScan& query, bool drives, Candidate& candidate) const;
+  double path_of(const Loop& loop) const;
 
   const Map& map_;
   const LoopDetectorOptions& options_;
   const Acceptance& acceptance_;
   DriveHistory history_;
   mutable std::set<int64_t> corrupt_;  // ids of entries whose points were reported
+  mutable std::map<std::string, std::map<int64_t, double>> paths_;  // drive -> index -> path [m]
 };
 
 }  // namespace revisit

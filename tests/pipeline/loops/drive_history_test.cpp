@@ -36,9 +36,9 @@ CandidatePlace place_at(int64_t index, double x, const SeenScan& scan = from_mid
 
 /// Scans at 0, `step`, ... by poses.
 DriveHistory driven(int scans, double step) {
-  DriveHistory history({.min_inlier_ratio = 0.1});
+  DriveHistory history({.min_inlier_ratio = 0.1}, OdometryGate());
   for (int i = 0; i < scans; ++i) {
-    history.arrive(from_middle(), Eigen::Isometry3d(Motion(step * i, 0, 0)), {});
+    history.arrive(from_middle(), i, Eigen::Isometry3d(Motion(step * i, 0, 0)), {});
     history.add(i, from_middle());
   }
   return history;
@@ -48,10 +48,10 @@ TEST(DriveHistory, MeasuresTheUsualContradiction) {
   EXPECT_EQ(driven(17, 1).level(), 0.03) << "too few";
   EXPECT_EQ(driven(30, 0.01).level(), 0.03) << "a halt";
   EXPECT_EQ(driven(30, 1).level(), 0.08) << "all points moved: the most";
-  DriveHistory registered({.min_inlier_ratio = 0.1});
+  DriveHistory registered({.min_inlier_ratio = 0.1}, {});
   for (int i = 0; i < 24; ++i) {
     const SeenScan scan = hall(i % 2);
-    registered.arrive(scan, {}, 0.0);
+    registered.arrive(scan, i, {}, 0.0);
     registered.add(i, scan);
   }
   EXPECT_EQ(registered.reference(), 23);
@@ -60,7 +60,7 @@ TEST(DriveHistory, MeasuresTheUsualContradiction) {
 
 TEST(DriveHistory, FindsHiddenScans) {
   const SeenScan few = hall(0, 6);
-  EXPECT_FALSE(DriveHistory({}).is_hidden(few, few)) << "nothing is usual yet";
+  EXPECT_FALSE(DriveHistory({}, {}).is_hidden(few, few)) << "nothing is usual yet";
   const DriveHistory history = driven(3, 1);
   EXPECT_FALSE(history.is_hidden(from_middle(), from_middle()));
   EXPECT_TRUE(history.is_hidden(few, from_middle()));
@@ -87,14 +87,14 @@ TEST(DriveHistory, AnAcceptedLoopConfirmsOthers) {
     if (!by_poses) first.pose.reset();  // then by registration of the places
     const auto at = [](double x) { return Eigen::Isometry3d(Motion(x, 0, 0)); };
     EXPECT_FALSE(history.confirms(second, at(0)));
-    history.accept(first, at(1));  // 1 m ahead of the first place
-    history.arrive(hall(3), at(4), {});
+    history.take_loop(first, at(1), true);  // 1 m ahead of the first place
+    history.arrive(hall(3), 3, at(4), {});
     EXPECT_TRUE(history.confirms(first, at(3))) << "2 m on";
     EXPECT_TRUE(history.confirms(second, at(0)));
     EXPECT_FALSE(history.confirms(second, at(1.5)));
     EXPECT_FALSE(history.confirms(
         second, Eigen::Isometry3d(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitZ()))));
-    history.arrive(hall(3), at(13), {});
+    history.arrive(hall(3), 4, at(13), {});
     EXPECT_FALSE(history.confirms(second, at(9))) << "more than 10 m on";
   }
 }

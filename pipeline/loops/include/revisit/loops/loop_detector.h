@@ -47,6 +47,16 @@ class RecentEntries {
 /// Throws UsageError unless it is a value of LoopDetectorOptions::keyframes.
 void check_keyframes(const std::string& text);
 
+/// Limits of the distance between the pose of a scan and its pose by a loop. They grow with the
+/// path from the place to the scan.
+struct OdometryGate {
+  double base = 2;      // horizontal [m]
+  double rate = 0.05;   // horizontal, per meter of path; vertical a fifth of it
+  double height = 0.5;  // vertical [m]
+};
+/// "BASE,RATE,HEIGHT", or "none"; throws UsageError for anything else.
+std::optional<OdometryGate> parse_odometry_gate(const std::string& text);
+
 struct LoopDetectorOptions {
   /// File or server's address of the map (open_map()), of ring descriptors; "": a temporary map.
   /// For other options of a map, pass a Map.
@@ -69,6 +79,9 @@ struct LoopDetectorOptions {
   /// Poses of scans are odometry: they measure the motion and reject loops. False for ground truth,
   /// which must not help to find what it judges: consecutive scans are registered instead.
   bool odometry = true;
+  /// Loops beyond these limits are rejected. Between two drives it applies after two agreeing
+  /// loops, which relate their worlds. Absent: loops are also not compared with one another.
+  std::optional<OdometryGate> odometry_gate = OdometryGate();
   /// Requires few inliers, because free space decides.
   RegistrationOptions registration{.min_inlier_ratio = 0.1};
   /// Gets messages about the map (Map::Map()), and about a calibration of it that is corrupt or for
@@ -89,8 +102,12 @@ struct Detection {
   /// "": no loop, or accepted; "score": below the threshold, or too few candidates, not registered.
   /// If loops are registered: "similarity": too low to register; "no points"; "registration": it
   /// does not fit; "contradicted": by free space; "hidden": something near hides a scan;
-  /// "odometry": the poses of the drive exclude it. "ambiguous" in any case.
+  /// "odometry": the poses exclude it; "inconsistent": other loops of the last 30 m do. "ambiguous"
+  /// in any case.
   std::string rejection;
+  /// Frames of scans of the last 30 m whose accepted loops are called in question: `loop` and
+  /// others contradict them. Remove them from the pose graph.
+  std::vector<int64_t> questioned;
   std::vector<int64_t> excluded;  // indices of temporal neighbors
 };
 

@@ -1,0 +1,128 @@
+// Loops of a drive must agree with its poses, and with one another.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "drive_history.h"
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
+
+namespace revisit {
+namespace {
+
+constexpr double kWindow = 30;   // path on which loops are compared [m]
+constexpr double kHalted = 0.5;  // agreeing loops on less are one [m]
+
+}  // namespace
+
+std::optional<OdometryGate> parse_odometry_gate(const std::string& text) {
+  if (text == "none") return std::nullopt;
+  OdometryGate gate;
+  std::string_view rest = text;
+  bool valid = true;
+  for (double* value : {&gate.base, &gate.rate, &gate.height}) {
+    const size_t comma = std::min(rest.find(','), rest.size());
+    const std::optional<double> number = finite_number(rest.substr(0, comma));
+    valid = valid && number && *number >= 0 && (comma < rest.size()) == (value != &gate.height);
+    *value = number.value_or(0);
+    rest.remove_prefix(std::min(comma + 1, rest.size()));
+  }
+  if (!valid)
+    throw UsageError("odometry gate: expected BASE,RATE,HEIGHT (at least 0) or none, found '", text,
+                     "'");
+  return gate;
+}
+
+bool DriveHistory::is_refuted(const CandidatePlace& place,
+                              const Eigen::Isometry3d& T_place_scan) const {
+  if (!gate_ || !place.pose || !here_.given) return false;
+  Eigen::Isometry3d expected = *here_.given;  // in the world of the place
+  double path = here_.path;
+  if (const auto before = entries_.find(place.index); before != entries_.end()) {
+    path -= before->second.path;
+  } else {
+    const auto related = related_.find(place.drive);
+    if (related == related_.end()) return false;
+    const FittingLoop& loop = related->second;
+    expected = *loop.pose * loop.T_place_scan * loop.at.given->inverse() * expected;
+    path += std::abs(place.path - loop.path) - loop.at.path;
+  }
+  const Eigen::Isometry3d scan = *place.pose * T_place_scan;
+  const Eigen::Vector3d apart = scan.translation() - expected.translation();
+  // Worlds have any axes; the sensor's tilt is small.
+  const Eigen::Vector3d up = (place.pose->linear().col(2) + expected.linear().col(2)).normalized();
+  const double height = apart.dot(up);
+  return (apart - height * up).norm() > gate_->base + gate_->rate * path ||
+         std::abs(height) > gate_->height + gate_->rate / 5 * path;
+}
+
+std::optional<bool> DriveHistory::agree(const FittingLoop& one, const FittingLoop& before) const {
+  constexpr double kYaw = 5 * std::numbers::pi / 180;        // [rad]
+  constexpr double kYawRate = 0.1 * std::numbers::pi / 180;  // [rad per m]
+  const auto to = entries_.find(one.index), from = entries_.find(before.index);
+  double path = one.at.path - before.at.path;
+  Eigen::Isometry3d T_place_before;
+  if (one.at.stretch != before.at.stretch) return std::nullopt;
+  if (one.index == before.index) {
+    T_place_before.setIdentity();
+  } else if (to != entries_.end() && from != entries_.end()) {
+    if (to->second.stretch != from->second.stretch) return std::nullopt;
+    T_place_before = to->second.pose.inverse() * from->second.pose;
+    path += std::abs(to->second.path - from->second.path);
+  } else if (one.drive == before.drive && one.pose && before.pose) {
+    T_place_before = one.pose->inverse() * *before.pose;
+    path += std::abs(one.path - before.path);
+  } else {
+    return std::nullopt;
+  }
+  const Eigen::Isometry3d error = one.T_place_scan.inverse() * T_place_before *
+                                  before.T_place_scan * before.at.pose.inverse() * one.at.pose;
+  return error.translation().head<2>().norm() < gate_->base / 2 + gate_->rate * path &&
+         std::abs(std::atan2(error(1, 0), error(0, 0))) < kYaw + kYawRate * path;
+}
+
+std::string DriveHistory::objection(const CandidatePlace& place,
+                                    const Eigen::Isometry3d& T_place_scan) const {
+  if (!gate_) return "";
+  if (is_refuted(place, T_place_scan)) return "odometry";
+  FittingLoop loop = fitting(place, T_place_scan);
+  for (const FittingLoop& before : fitting_)
+    if (const auto agrees = agree(loop, before)) ++(*agrees ? loop.agreeing : loop.contradicting);
+  return loop.is_outvoted() ? "inconsistent" : "";
+}
+
+std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
+                                             const Eigen::Isometry3d& T_place_scan, bool accepted) {
+  constexpr size_t kMostAccepted = 5;  // loops that may confirm another
+  std::vector<int64_t> questioned;
+  if (accepted) {
+    accepted_.push_back({place, T_place_scan, here_});
+    if (accepted_.size() > kMostAccepted) accepted_.pop_front();
+  }
+  if (!gate_) return questioned;
+  while (!fitting_.empty() && here_.path - fitting_.front().at.path > kWindow) fitting_.pop_front();
+  FittingLoop loop = fitting(place, T_place_scan);
+  if (accepted) loop.frames.push_back(here_.frame);
+  if (!fitting_.empty() && here_.path - fitting_.back().at.path < kHalted &&
+      agree(loop, fitting_.back()).value_or(false)) {
+    std::ranges::copy(loop.frames, std::back_inserter(fitting_.back().frames));
+    return questioned;
+  }
+  for (FittingLoop& before : fitting_) {
+    const auto agrees = agree(loop, before);
+    if (!agrees) continue;
+    ++(*agrees ? loop.agreeing : loop.contradicting);
+    ++(*agrees ? before.agreeing : before.contradicting);
+    if (!before.is_outvoted()) continue;
+    std::erase_if(related_,
+                  [&](const auto& one) { return one.second.at.frame == before.at.frame; });
+    if (accepted)
+      std::ranges::move(std::exchange(before.frames, {}), std::back_inserter(questioned));
+  }
+  const bool relates = !is_of_drive(place.index) && place.pose && here_.given;
+  if (accepted && relates && loop.agreeing > 0) related_.insert_or_assign(place.drive, loop);
+  fitting_.push_back(std::move(loop));
+  return questioned;
+}
+
+}  // namespace revisit
