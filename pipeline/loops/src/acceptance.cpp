@@ -97,7 +97,7 @@ std::string Acceptance::decide(Loop& loop) const {
   const double most = verifies_ ? 1 : n / (n + 1);
   if (calibration_) loop.probability = std::min(most, calibration_->probability(loop.score));
   if (!threshold_ || loop.score < *threshold_) return "score";
-  if (loop.ambiguous) return "ambiguous";
+  if (loop.ambiguous && !verifies_) return "ambiguous";
   return options_.threshold || most >= target_precision_ ? "" : "score";
 }
 

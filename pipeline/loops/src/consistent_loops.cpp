@@ -10,8 +10,8 @@
 namespace revisit {
 namespace {
 
-constexpr double kWindow = 30;   // path on which loops are compared [m]
-constexpr double kHalted = 0.5;  // agreeing loops on less are one [m]
+constexpr double kCompared = 30;  // path on which loops are compared [m]
+constexpr double kHalted = 0.5;   // agreeing loops on less are one [m]
 
 }  // namespace
 
@@ -35,10 +35,13 @@ std::optional<OdometryGate> parse_odometry_gate(const std::string& text) {
 
 bool DriveHistory::is_refuted(const CandidatePlace& place,
                               const Eigen::Isometry3d& T_place_scan) const {
-  if (!gate_ || !place.pose || !here_.given) return false;
+  if (!gate_) return false;
+  const auto before = entries_.find(place.index);
+  if (!place.pose || !here_.given)
+    return before != entries_.end() && is_refuted_by_motion(before->second, T_place_scan);
   Eigen::Isometry3d expected = *here_.given;  // in the world of the place
   double path = here_.path;
-  if (const auto before = entries_.find(place.index); before != entries_.end()) {
+  if (before != entries_.end()) {
     path -= before->second.path;
   } else {
     const auto related = related_.find(place.drive);
@@ -54,6 +57,16 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
   const double height = apart.dot(up);
   return (apart - height * up).norm() > gate_->base + gate_->rate * path ||
          std::abs(height) > gate_->height + gate_->rate / 5 * path;
+}
+
+/// By consecutive registrations, whose height and tilt drift.
+bool DriveHistory::is_refuted_by_motion(const Position& place,
+                                        const Eigen::Isometry3d& T_place_scan) const {
+  constexpr double kWider = 2;  // registered motion is no worse on any drive, unless it fails
+  if (place.stretch != here_.stretch) return false;
+  const Eigen::Vector3d apart =
+      (place.pose * T_place_scan).translation() - here_.pose.translation();
+  return apart.head<2>().norm() > kWider * (gate_->base + gate_->rate * (here_.path - place.path));
 }
 
 std::optional<bool> DriveHistory::agree(const FittingLoop& one, const FittingLoop& before) const {
@@ -100,7 +113,8 @@ std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
     if (accepted_.size() > kMostAccepted) accepted_.pop_front();
   }
   if (!gate_) return questioned;
-  while (!fitting_.empty() && here_.path - fitting_.front().at.path > kWindow) fitting_.pop_front();
+  while (!fitting_.empty() && here_.path - fitting_.front().at.path > kCompared)
+    fitting_.pop_front();
   FittingLoop loop = fitting(place, T_place_scan);
   if (accepted) loop.frames.push_back(here_.frame);
   if (!fitting_.empty() && here_.path - fitting_.back().at.path < kHalted &&

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <tuple>
 
 namespace revisit {
 namespace {
 
 // Constants were chosen together, on simulated offices and streets, a walk, NCLT and Riverside.
+constexpr double kWindow = 10;  // path on which an accepted loop confirms another [m]
 constexpr double kHalt = 0.5;   // least distance of keyframes; a halt would lower the level [m]
 constexpr int64_t kSample = 4;  // one moving scan in 4 tells what is usual
 constexpr size_t kRecent = 25;  // of these
@@ -51,46 +53,55 @@ void DriveHistory::arrive(const SeenScan& scan, int64_t frame,
   if (reference_) {
     const Eigen::Isometry3d motion = motion_of(scan, relative_yaw);
     here_.pose = reference_->at.pose * motion;
+    here_.pose.linear() = Eigen::Quaterniond(here_.pose.linear()).normalized().toRotationMatrix();
     here_.path = reference_->at.path + motion.translation().norm();
-    step_ = (before_.pose.inverse() * here_.pose).translation().norm();
+    step_ = (before_.pose.inverse() * here_.pose).translation();
   }
   if ((!reference_ || is_moving()) && moved_++ % kSample == 0) sample(scan);
 }
 
 /// Rings may take a corridor for itself turned around, and registration one bay for the next.
+/// Results that differ from the motion before are therefore compared with others.
 Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
                                           std::optional<double> relative_yaw) {
   if (here_.given && reference_->at.given) return reference_->at.given->inverse() * *here_.given;
   const Eigen::Isometry3d before = reference_->at.pose.inverse() * before_.pose;
   if (!relative_yaw) return before;
   constexpr double kTurn = 30 * std::numbers::pi / 180;  // since the scan before
-  constexpr double kGood = 0.5;                          // inlier ratio
-  RegistrationOptions options = options_;
-  options.search_radius =
-      std::min(options.search_radius, 1.5 + before.translation().norm() + step_);
-  const auto registered = [&](double yaw) {
+  constexpr double kShift = 1;                           // from the expected position [m]
+  constexpr double kPoor = 0.6;                          // of the usual inlier ratio
+  constexpr double kFree = 0.01;                         // constraint of motions that may slide
+  const auto registered = [&](double yaw, double radius) {
+    RegistrationOptions options = options_;
+    options.search_radius = std::min(radius, options_.search_radius);
     return register_scans(scan.prepared(), reference_->scan.prepared(), yaw, options);
   };
   const auto fit_of = [&](const Registration& one) {
     return one.inlier_ratio -
            mutual_contradiction(scan.space(), reference_->scan.space(), one.T_place_query);
   };
-  Registration found = registered(*relative_yaw);
+  const double usual = inlier_ratios_.empty() ? 0 : median(inlier_ratios_);
+  Registration found = registered(*relative_yaw, options_.search_radius);
+  const auto compare = [&](const Registration& other) {
+    if (fit_of(other) > fit_of(found)) found = other;
+  };
   const double turn = std::remainder(*relative_yaw - yaw_of(before), 2 * std::numbers::pi);
-  if (std::abs(turn) > kTurn || found.inlier_ratio < kGood) {
-    const Registration straight = registered(yaw_of(before));
-    if (fit_of(straight) > fit_of(found)) found = straight;
-  }
-  const Eigen::Vector3d shift = found.T_place_query.translation();
-  if (found.inlier_ratio >= kMinInlierRatio && shift.norm() < 2 * options.search_radius)
-    return found.T_place_query;
-  accepted_.clear();  // the motion is unknown
-  ++here_.stretch;
-  return before;
+  const double shift = (found.T_place_query.translation() - before * step_).norm();
+  if (std::abs(turn) > kTurn || shift > kShift || found.inlier_ratio < kPoor * usual)
+    compare(registered(yaw_of(before), before.translation().norm() + step_.norm() + kShift));
+  for (int turned = 1; turned < 8 && found.inlier_ratio < kPoor * usual; ++turned)
+    compare(registered(yaw_of(before) + turned * std::numbers::pi / 4, options_.search_radius));
+  const bool is_known = found.inlier_ratio >= kMinInlierRatio;
+  if (!is_known || found.constraint < kFree) ++here_.stretch;
+  if (is_known)
+    push_recent(inlier_ratios_, found.inlier_ratio, kRecent);
+  else
+    accepted_.clear();
+  return is_known ? found.T_place_query : before;
 }
 
 bool DriveHistory::is_moving() const {
-  return here_.path - reference_->at.path >= kHalt;
+  return here_.path - reference_->at.path >= kHalt || here_.stretch != reference_->at.stretch;
 }
 
 void DriveHistory::sample(const SeenScan& scan) {
@@ -147,9 +158,22 @@ std::optional<Eigen::Isometry3d> DriveHistory::between(const CandidatePlace& to,
   return found.T_place_query;
 }
 
+std::optional<int64_t> DriveHistory::last_place() const {
+  if (accepted_.empty() || here_.path - accepted_.back().at.path > kWindow) return std::nullopt;
+  return accepted_.back().place.index;
+}
+
+std::optional<double> DriveHistory::yaw_to(int64_t index) const {
+  const AcceptedLoop& last = accepted_.back();
+  const auto place = entries_.find(last.place.index), entry = entries_.find(index);
+  if (place == entries_.end() || entry == entries_.end()) return std::nullopt;
+  return yaw_of(entry->second.pose.inverse() * place->second.pose * last.T_place_scan *
+                last.at.pose.inverse() * here_.pose);
+}
+
 bool DriveHistory::confirms(const CandidatePlace& place,
                             const Eigen::Isometry3d& T_place_scan) const {
-  constexpr double kWindow = 10, kBase = 1, kRate = 0.05;  // [m], [m], [m per m]
+  constexpr double kBase = 1, kRate = 0.05;  // [m], [m per m]
   constexpr double kYaw = 5 * std::numbers::pi / 180;
   for (auto earlier = accepted_.rbegin(); earlier != accepted_.rend(); ++earlier) {
     const double path = here_.path - earlier->at.path;

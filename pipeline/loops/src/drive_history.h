@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <deque>
-#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -82,6 +81,10 @@ class DriveHistory {
   bool is_refuted(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
   /// Rejection of a loop that is accepted otherwise: "odometry", "inconsistent" or "".
   std::string objection(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
+  /// Index of the place of a loop accepted on the last 10 m.
+  std::optional<int64_t> last_place() const;
+  /// yaw(scan) - yaw(entry) by that loop and the motion since [rad]; absent for other drives.
+  std::optional<double> yaw_to(int64_t index) const;
   /// The pose agrees with a loop accepted on the last 10 m.
   bool confirms(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
 
@@ -121,6 +124,7 @@ class DriveHistory {
   FittingLoop fitting(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const {
     return {place.index, place.drive, place.pose, place.path, T_place_scan, here_};
   }
+  bool is_refuted_by_motion(const Position& place, const Eigen::Isometry3d& T_place_scan) const;
   /// Absent: unknown.
   std::optional<bool> agree(const FittingLoop& one, const FittingLoop& before) const;
   /// T_reference_scan
@@ -132,11 +136,12 @@ class DriveHistory {
 
   RegistrationOptions options_;
   std::optional<OdometryGate> gate_;
-  Position here_, before_;  // of this scan and the one before
-  double step_ = std::numeric_limits<double>::infinity();  // between these [m]
+  Position here_, before_;                          // of this scan and the one before
+  Eigen::Vector3d step_ = Eigen::Vector3d::Zero();  // from one to the other [m]
   std::optional<Reference> reference_;
   int64_t moved_ = 0;  // number of scans that are no halt
   double scale_ = 1;
+  std::deque<double> inlier_ratios_;               // of consecutive scans
   std::deque<double> contradictions_;              // of sampled scans in the keyframes before
   std::deque<int64_t> upright_;                    // of sampled scans: numbers of upright points
   std::deque<AcceptedLoop> accepted_;              // of the last meters

@@ -1,5 +1,8 @@
 #include "verification.h"
 
+#include <algorithm>
+#include <iterator>
+#include <limits>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -9,6 +12,8 @@
 
 namespace revisit {
 namespace {
+
+constexpr double kConfirmed = 0.1;  // a confirmed loop may have less than the threshold
 
 /// Transforms a registration of mounted points to the sensors' frames. `mount`: of the query.
 void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
@@ -32,7 +37,7 @@ void Verification::arrive(const Description& scan, const SeenScan& seen, const S
   if (stamp.pose && options_.odometry) pose = *stamp.pose * map_.options().mount.inverse();
   const std::optional<int64_t> before = history_.reference();
   history_.arrive(seen, stamp.frame, pose,
-                  before && !pose ? map_.relative_yaw(scan, *before) : std::nullopt);
+                  before && !pose ? map_.compare(scan, *before).relative_yaw : std::nullopt);
 }
 
 double Verification::score_of(double similarity, double scale, double contradiction) const {
@@ -50,7 +55,6 @@ Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenS
   const std::string judged =
       loop.similarity < kMinSimilarity ? "similarity" : register_entry(query, drives, candidate);
   candidate.rejection = acceptance_.decide(candidate.loop);
-  if (candidate.rejection == "ambiguous") return candidate;
   if (!judged.empty()) candidate.rejection = judged;
   if (candidate.rejection == "score" && acceptance_.threshold())
     candidate.rejection = "contradicted";
@@ -81,7 +85,7 @@ std::string Verification::register_entry(const SeenScan& query, bool drives,
   candidate.T_place_query = found.T_place_query;
   to_sensor_frames(mount, map_.options().mount, found);
   candidate.registered = found;
-  if (!found.fits) return "registration";
+  if (found.inlier_ratio < options_.registration.min_inlier_ratio) return "registration";
   std::optional<Eigen::Isometry3d> pose;
   if (loop.pose && options_.odometry) pose = *loop.pose * mount.inverse();
   candidate.place.emplace(
@@ -109,21 +113,65 @@ double Verification::path_of(const Loop& loop) const {
 /// Sets the score by free space, unless there are reasons against the loop. Returns as
 /// register_entry().
 std::string Verification::judge(const SeenScan& query, bool drives, Candidate& candidate) const {
-  constexpr double kConfirmed = 0.1;  // a confirmed loop may have less than the threshold
   const CandidatePlace& place = *candidate.place;
   const Eigen::Isometry3d& T = candidate.T_place_query;
-  if (history_.is_hidden(query, place.scan)) return "hidden";
   if (drives && history_.is_of_drive(place.index) && history_.is_refuted(place, T))
     return "odometry";
   const double scale = (query.space().scale() + place.scan.space().scale()) / 2;
-  double& score = candidate.loop.score;
-  score = score_of(candidate.loop.similarity, scale,
-                   mutual_contradiction(query.space(), place.scan.space(), T));
-  const std::optional<double> threshold = acceptance_.threshold();
-  if (drives && threshold && score < *threshold && score >= *threshold - kConfirmed * scale &&
-      history_.confirms(place, T))
-    score = *threshold;
+  const double score = score_of(candidate.loop.similarity, scale,
+                                mutual_contradiction(query.space(), place.scan.space(), T));
+  const bool is_hidden = history_.is_hidden(query, place.scan);
+  const double threshold = acceptance_.threshold().value_or(std::numeric_limits<double>::max());
+  const bool is_free = candidate.registered->constraint < options_.registration.min_constraint;
+  const bool is_confirmed = drives && (is_hidden || is_free || score < threshold) &&
+                            score >= threshold - kConfirmed * scale && history_.confirms(place, T);
+  if (is_free && !is_confirmed) {
+    candidate.place.reset();
+    return "registration";
+  }
+  if (is_hidden && !is_confirmed) return "hidden";
+  candidate.loop.score = is_confirmed ? std::max(score, threshold) : score;
   return "";
+}
+
+/// Indices of the entries that show the same place, as far as the views tell.
+std::vector<int64_t> Verification::same_place(const Loop& loop) const {
+  std::vector<int64_t> entries = map_.around(loop.index, !loop.ambiguous);
+  if (loop.ambiguous) {  // only the part of the stretch around it: does the scan fit others, too?
+    const auto at = std::ranges::lower_bound(entries, loop.index) - entries.begin();
+    const auto half = std::max<std::ptrdiff_t>(1, std::ssize(entries) / 10);
+    entries.erase(entries.begin() + std::min(std::ssize(entries), at + half + 1), entries.end());
+    entries.erase(entries.begin(), entries.begin() + std::max<std::ptrdiff_t>(0, at - half));
+  }
+  entries.push_back(loop.index);
+  return entries;
+}
+
+/// The most similar of the entries around the place of the loop that was accepted just before.
+std::optional<Loop> Verification::followed(const Description& scan,
+                                           const std::vector<int64_t>& excluded) const {
+  constexpr int64_t kAround = 10;
+  const std::optional<int64_t> last = history_.last_place();
+  std::optional<Loop> best;
+  if (!last) return best;
+  const int64_t end = std::min(map_.size(), *last + kAround + 1);
+  for (int64_t index = std::max<int64_t>(0, *last - kAround); index < end; ++index) {
+    if (std::ranges::find(excluded, index) != excluded.end()) continue;
+    const Loop loop = map_.compare(scan, index);
+    if (!best || loop.similarity > best->similarity) best = loop;
+  }
+  if (best) best->relative_yaw = history_.yaw_to(best->index).value_or(*best->relative_yaw);
+  return best;
+}
+
+/// The scan fits another part of the self-similar stretch as well.
+bool Verification::is_ambiguous(const Candidate& candidate,
+                                const std::vector<Candidate>& tried) const {
+  if (!candidate.loop.ambiguous) return false;
+  const double least = *acceptance_.threshold() - kConfirmed * history_.scale();
+  return std::ranges::any_of(tried, [&](const Candidate& other) {
+    return other.loop.index != candidate.loop.index && other.loop.score >= least;
+  });
 }
 
 void Verification::verify(const Description& scan, const SeenScan& seen, bool drives,
@@ -131,29 +179,36 @@ void Verification::verify(const Description& scan, const SeenScan& seen, bool dr
   constexpr int kMost = 3;
   constexpr double kClear = 0.3;  // inlier ratio of an accepted loop that no other could beat
   const auto rank = [](const Candidate& one) {
-    return std::tuple(one.rejection.empty(), one.place.has_value(), one.loop.score);
+    return std::tuple(one.rejection.empty(), one.place.has_value(), one.rejection != "similarity",
+                      one.loop.score);
   };
   std::vector<int64_t> excluded = found.excluded;
-  std::optional<Candidate> best;
-  std::optional<Loop> next = found.loop;
-  for (int i = 0; i < kMost && next; ++i) {
-    const Candidate candidate = candidate_of(*next, seen, drives);
-    const bool is_similar = candidate.rejection != "similarity";
-    if (!best || (is_similar && rank(candidate) > rank(*best))) best = candidate;
-    const bool is_clear =
-        candidate.rejection.empty() && candidate.registered->inlier_ratio >= kClear;
-    if (is_clear || !is_similar) break;
-    const std::vector<int64_t> near = map_.around(next->index, true);
-    excluded.insert(excluded.end(), near.begin(), near.end());
-    excluded.push_back(next->index);
-    next = map_.query(scan, excluded);
+  std::vector<Candidate> tried;
+  for (std::optional<Loop> next = found.loop; next; next = map_.query(scan, excluded)) {
+    tried.push_back(candidate_of(*next, seen, drives));
+    const Candidate& candidate = tried.back();
+    const bool is_clear = candidate.rejection.empty() && !candidate.loop.ambiguous &&
+                          candidate.registered->inlier_ratio >= kClear;
+    if (is_clear || candidate.rejection == "similarity" || std::ssize(tried) == kMost) break;
+    std::ranges::copy(same_place(*next), std::back_inserter(excluded));
   }
-  found.loop = best->loop;
-  found.registered = best->registered;
-  found.rejection = best->rejection;
-  if (drives && best->fits)
-    found.questioned =
-        history_.take_loop(*best->place, best->T_place_query, found.rejection.empty());
+  if (drives &&
+      std::ranges::none_of(tried, [](const auto& one) { return one.rejection.empty(); })) {
+    std::vector<int64_t> without = found.excluded;
+    for (const Candidate& one : tried) without.push_back(one.loop.index);
+    if (const auto loop = followed(scan, without))
+      tried.push_back(candidate_of(*loop, seen, drives));
+  }
+  Candidate best = std::ranges::max(tried, {}, rank);
+  if (best.rejection.empty() && is_ambiguous(best, tried)) {
+    best.rejection = "ambiguous";
+    best.fits = false;
+  }
+  found.loop = best.loop;
+  found.registered = best.registered;
+  found.rejection = best.rejection;
+  if (drives && best.fits)
+    found.questioned = history_.take_loop(*best.place, best.T_place_query, found.rejection.empty());
 }
 
 }  // namespace revisit

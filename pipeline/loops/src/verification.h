@@ -5,6 +5,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "acceptance.h"
 #include "drive_history.h"
@@ -43,6 +44,9 @@ class Verification {
   };
 
   double score_of(double similarity, double scale, double contradiction) const;
+  std::vector<int64_t> same_place(const Loop& loop) const;
+  std::optional<Loop> followed(const Description& scan, const std::vector<int64_t>& excluded) const;
+  bool is_ambiguous(const Candidate& candidate, const std::vector<Candidate>& tried) const;
   Candidate candidate_of(const Loop& loop, const SeenScan& query, bool drives) const;
   std::string register_entry(const SeenScan& query, bool drives, Candidate& candidate) const;
   std::string judge(const SeenScan& query, bool drives, Candidate& candidate) const;

@@ -25,6 +25,18 @@ constexpr int kRecognizerVersion = 1;
 
 constexpr const char* kNoPoints = "the scan has no points";
 
+/// Without the comparison.
+Loop loop_to(const KnownEntries& entries, int64_t index) {
+  const MapEntry& entry = entries.at(index);
+  return {.index = index,
+          .id = entry.id,
+          .drive = entry.drive,
+          .frame = entry.frame,
+          .time = entry.time,
+          .pose = entry.pose,
+          .ambiguous = entries.is_ambiguous(index)};
+}
+
 /// Thread-safe. Keeps references to its arguments.
 class ScanDescriber {
  public:
@@ -283,30 +295,26 @@ std::optional<Loop> Map::query(const Description& scan, std::span<const int64_t>
   const KnownEntries& entries = impl_->known().entries;
   const Match match = entries.best(scan, exclude);
   if (match.ranks.empty()) return std::nullopt;
-  const int64_t index = match.ranks.front();
-  const MapEntry& entry = entries.at(index);
-  return Loop{.index = index,
-              .id = entry.id,
-              .drive = entry.drive,
-              .frame = entry.frame,
-              .time = entry.time,
-              .pose = entry.pose,
-              .similarity = match.similarities.front(),
-              .kth_similarity = match.similarities.back(),
-              .score = match.score,
-              .probability = {},
-              .relative_yaw = match.relative_yaw,
-              .ambiguous = entries.is_ambiguous(index)};
+  Loop loop = loop_to(entries, match.ranks.front());
+  loop.similarity = match.similarities.front();
+  loop.kth_similarity = match.similarities.back();
+  loop.score = match.score;
+  loop.relative_yaw = match.relative_yaw;
+  return loop;
+}
+
+Loop Map::compare(const Description& scan, int64_t index) const {
+  const std::shared_lock lock(impl_->mutex);
+  const KnownEntries& entries = impl_->known().entries;
+  Loop loop = loop_to(entries, index);
+  loop.similarity = loop.score = entries.similarity(scan, index);
+  loop.relative_yaw = entries.relative_yaw(scan, index);
+  return loop;
 }
 
 double Map::similarity(const Description& scan, int64_t index) const {
   const std::shared_lock lock(impl_->mutex);
   return impl_->known().entries.similarity(scan, index);
-}
-
-std::optional<double> Map::relative_yaw(const Description& scan, int64_t index) const {
-  const std::shared_lock lock(impl_->mutex);
-  return impl_->known().entries.relative_yaw(scan, index);
 }
 
 int64_t Map::size() const {
