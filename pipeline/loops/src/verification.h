@@ -43,7 +43,7 @@ class Verification {
     bool fits = false;  // it is accepted, or would be without DriveHistory::objection()
   };
 
-  double score_of(double similarity, double scale, double contradiction) const;
+  double score_of(const Loop& loop, double scale, double contradiction) const;
   std::vector<int64_t> same_place(const Loop& loop) const;
   std::optional<Loop> followed(const Description& scan, const std::vector<int64_t>& excluded) const;
   bool is_ambiguous(const Candidate& candidate, const std::vector<Candidate>& tried) const;

@@ -307,7 +307,7 @@ Loop Map::compare(const Description& scan, int64_t index) const {
   const std::shared_lock lock(impl_->mutex);
   const KnownEntries& entries = impl_->known().entries;
   Loop loop = loop_to(entries, index);
-  loop.similarity = loop.score = entries.similarity(scan, index);
+  loop.similarity = loop.kth_similarity = loop.score = entries.similarity(scan, index);
   loop.relative_yaw = entries.relative_yaw(scan, index);
   return loop;
 }

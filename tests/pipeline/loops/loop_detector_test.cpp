@@ -120,7 +120,9 @@ TEST(LoopDetector, RegistersSimilarEntries) {
   // Points are kept in steps of 1/32 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
-  const Detection elsewhere = on.detector.take(view_of(stretched(2, 2.5)), {});
+  OnMap another({.exclusion = kNone, .verify = true});
+  take(another.detector, 2);
+  const Detection elsewhere = another.detector.take(view_of(stretched(2, 2.5)), {});
   ASSERT_TRUE(elsewhere.loop && elsewhere.registered);
   EXPECT_FALSE(elsewhere.registered->fits || elsewhere.accepted);
   EXPECT_EQ(elsewhere.rejection, "registration");

@@ -121,7 +121,7 @@ class Map {
   std::optional<Loop> query(const Description& scan, std::span<const int64_t> exclude = {}) const;
   /// Throws UsageError for another feature.
   double similarity(const Description& scan, int64_t index) const;
-  /// The entry as a match, whose score is the similarity. Throws UsageError for another feature.
+  /// The entry as a match, whose scores are the similarity. Throws UsageError for another feature.
   Loop compare(const Description& scan, int64_t index) const;
 
   /// Number of indices in use: entries, including those removed since they were loaded.
