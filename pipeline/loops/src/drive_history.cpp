@@ -64,7 +64,7 @@ void DriveHistory::arrive(const SeenScan& scan, int64_t frame,
 /// Results that differ from the motion before are therefore compared with others.
 Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
                                           std::optional<double> relative_yaw) {
-  is_lost_ = false;
+  const bool was_lost = std::exchange(is_lost_, false);
   if (here_.given && reference_->at.given) return reference_->at.given->inverse() * *here_.given;
   const Eigen::Isometry3d before = reference_->at.pose.inverse() * before_.pose;
   if (!relative_yaw) return before;
@@ -90,7 +90,7 @@ Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
   const double shift = (found.T_place_query.translation() - before * step_).norm();
   if (std::abs(turn) > kTurn || shift > kShift || found.inlier_ratio < kPoor * usual)
     compare(registered(yaw_of(before), before.translation().norm() + step_.norm() + kShift));
-  for (int turned = 1; turned < 8 && found.inlier_ratio < kPoor * usual; ++turned)
+  for (int turned = 1; turned < 8 && !was_lost && found.inlier_ratio < kPoor * usual; ++turned)
     compare(registered(yaw_of(before) + turned * std::numbers::pi / 4, options_.search_radius));
   is_lost_ = found.inlier_ratio < kMinInlierRatio;
   if (is_lost_ || found.constraint < kFree) ++here_.stretch;
@@ -123,10 +123,11 @@ void DriveHistory::add(int64_t index, const SeenScan& scan) {
   if (!reference_ || is_moving()) reference_.emplace(Reference{index, here_, scan});
 }
 
-double DriveHistory::level() const {
+double DriveHistory::level(double scale) const {
   constexpr double kUnknown = 0.03;
   constexpr double kMost = 0.08;  // more means that registrations of consecutive scans fail
-  return contradictions_.size() < 5 ? kUnknown : std::min(kMost, median(contradictions_));
+  return contradictions_.size() < 5 ? kUnknown * scale * scale
+                                    : std::min(kMost, median(contradictions_));
 }
 
 bool DriveHistory::is_hidden(const SeenScan& scan, const SeenScan& place) const {
@@ -154,7 +155,7 @@ std::optional<Eigen::Isometry3d> DriveHistory::between(const CandidatePlace& to,
   constexpr int64_t kNear = 10;
   const bool are_near = to.drive == from.drive && std::abs(to.index - from.index) <= kNear;
   if (!are_near && mutual_contradiction(from.scan.space(), to.scan.space(), found.T_place_query) >
-                       kUsual * level())
+                       kUsual * level((from.scan.space().scale() + to.scan.space().scale()) / 2))
     return std::nullopt;
   return found.T_place_query;
 }

@@ -71,8 +71,9 @@ class DriveHistory {
 
   /// That of a recent scan (scene_scale()).
   double scale() const { return scale_; }
-  /// Usual contradiction between consecutive scans: traffic, leaves and noise.
-  double level() const;
+  /// Usual contradiction between consecutive scans: traffic, leaves and noise. At first a low one
+  /// for scenes of this scale.
+  double level(double scale) const;
   /// Something near hides the scene from one of both.
   bool is_hidden(const SeenScan& scan, const SeenScan& place) const;
   bool is_of_drive(int64_t index) const { return entries_.contains(index); }

@@ -44,8 +44,8 @@ double Verification::score_of(const Loop& loop, double scale, double contradicti
   // Indoors, places that look alike differ by less: the similarity counts less.
   constexpr double kSimilarity = 0.1, kMargin = 0.05;
   const double margin = loop.similarity - loop.kth_similarity;
-  return (kSimilarity * loop.similarity + kMargin * margin) * scale * scale + history_.level() -
-         contradiction;
+  return (kSimilarity * loop.similarity + kMargin * margin) * scale * scale +
+         history_.level(scale) - contradiction;
 }
 
 Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenScan& query,
