@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """Calibration of registered loops (verified_calibration()) by SciPy, from output of `revisit loops`.
 
-  revisit loops DRIVE --all --format csv > town.csv         # for each drive with poses
-  verified_calibration.py town.csv nclt.csv ...             # prints the blocks of verified_calibration()
+  revisit loops SCANS --all > town.csv                          # for each drive
+  verified_calibration.py --drive street town.csv TOWN 5 ...    # prints the blocks of verified_calibration()
 
-Matches nearer than 5 m are correct, those farther than 10 m incorrect. Each place has weight 1 (scores_by_place()). Incorrect
-matches are reweighted to a prior of 10 % correct. The probability is an isotonic regression on the score.
+--drive KIND LINES POSES NEAR: matches nearer than NEAR [m] are correct, those farther than twice that incorrect. POSES is a drive of
+KITTI's layout, or has 12 numbers of T_world_lidar for each frame. Each place has weight 1 (scores_by_place()). Incorrect matches are
+reweighted to a prior of 10 % correct. The probability is an isotonic regression on the score. Then leaves out each kind of
+surroundings in turn, and counts its matches of probability 0.99.
 --pairs gives a drive without poses: listed places and two frames around them are correct; unlisted queries up to --none-before
 have no place.
 """
@@ -15,7 +17,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from acceptance import listed
+from acceptance import homogeneous, listed, truth
 from scipy.optimize import isotonic_regression
 
 RIGHT_SHARE = 0.1
@@ -37,12 +39,13 @@ def by_place(v, right, here):
     return weight
 
 
-def of_poses(file):
-    rows = [row for row in csv.DictReader(open(file)) if row['match_x']]
-    here, match = (np.array([[float(row[f'{which}_{a}']) for a in 'xz'] for row in rows]) for which in ('here', 'match'))
-    v, apart = np.array([float(row['score']) for row in rows]), np.linalg.norm(here - match, axis=1)
-    use = (apart < 5) | (apart > 10)
-    right = apart[use] < 5
+def of_poses(file, poses, near):
+    at = (truth(Path(poses)) if Path(poses).is_dir() else homogeneous(np.loadtxt(poses)))[:, :3, 3]
+    rows = [row for row in csv.DictReader(open(file)) if row['match_frame']]
+    here, match = (at[[int(row[which]) for row in rows]] for which in ('frame', 'match_frame'))
+    v, apart = np.array([float(row['score']) for row in rows]), np.linalg.norm(here - match, axis=1) / float(near)
+    use = (apart < 1) | (apart > 2)
+    right = apart[use] < 1
     return v[use], right, by_place(v[use], right, here[use])
 
 
@@ -74,19 +77,29 @@ def blocks(drives):
     return list(zip(step[starts] * STEP, np.add.reduceat(matches, starts), np.add.reduceat(found, starts)))
 
 
+def threshold(found, precision=0.99):
+    """The lowest score from which on each block is correct with this probability."""
+    low = [i for i, (_, matches, correct) in enumerate(found) if correct < precision * matches]
+    return found[low[-1] + 1][0] if low[-1] + 1 < len(found) else np.inf
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('lines', nargs='*')
-    parser.add_argument('--pairs', nargs='+', metavar='LINES LIST...', action='append', default=[])
+    parser.add_argument('--drive', nargs=4, metavar=('KIND', 'LINES', 'POSES', 'NEAR'), action='append', default=[])
+    parser.add_argument('--pairs', nargs='+', metavar='KIND LINES LIST...', action='append', default=[])
     parser.add_argument('--none-before', type=int, default=-1)
     o = parser.parse_args()
-    drives = {file: of_poses(file) for file in o.lines}
-    drives |= {files[0]: of_pairs(files[0], files[1:], o.none_before) for files in o.pairs}
-    for name, (v, right, weight) in drives.items():
-        print(f'// {name}: {len(v)} matches, {right.sum()} right; of {weight.sum():.0f} places; right 5 % '
+    drives = [(kind, file, of_poses(file, *rest)) for kind, file, *rest in o.drive]
+    drives += [(kind, file, of_pairs(file, lists, o.none_before)) for kind, file, *lists in o.pairs]
+    for kind, name, (v, right, weight) in drives:
+        print(f'// {kind}, {name}: {len(v)} matches, {right.sum()} right; of {weight.sum():.0f} places; right 5 % '
               f'{np.quantile(v[right], .05) if right.any() else np.nan:.2f}; wrong highest {v[~right].max() if (~right).any() else np.nan:.2f}')
-    for block in blocks(drives.values()):
+    for block in blocks([drive for *_, drive in drives]):
         print('{{{:.4f}, {:.4f}, {:.4f}}},'.format(*block))
+    for left in sorted({kind for kind, *_ in drives}):
+        least = threshold(blocks([drive for kind, _, drive in drives if kind != left]))
+        v, right, _ = (np.concatenate(each) for each in zip(*(drive for kind, _, drive in drives if kind == left)))
+        print(f'// without {left}: {left} has {(right & (v >= least)).sum()} correct, {(~right & (v >= least)).sum()} incorrect from {least:.2f} on')
 
 
 if __name__ == '__main__':

@@ -51,9 +51,8 @@ double Verification::score_of(const Loop& loop, double scale, double contradicti
 Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenScan& query,
                                                    bool drives) const {
   constexpr double kMinSimilarity = 0.25;
-  constexpr double kUnknown = 0.5;  // contradiction of loops that are not judged
   Candidate candidate{.loop = loop};
-  candidate.loop.score = score_of(loop, history_.scale(), kUnknown);
+  candidate.loop.score = unknown_score(loop);
   const std::string judged =
       loop.similarity < kMinSimilarity ? "similarity" : register_entry(query, drives, candidate);
   candidate.rejection = acceptance_.decide(candidate.loop);
@@ -61,9 +60,23 @@ Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenS
   if (candidate.rejection == "score" && acceptance_.threshold())
     candidate.rejection = "contradicted";
   candidate.fits = candidate.rejection.empty();
-  if (candidate.fits && drives)
-    candidate.rejection = history_.objection(*candidate.place, candidate.T_place_query);
+  if (candidate.fits && drives) {
+    const std::string objection = history_.objection(*candidate.place, candidate.T_place_query);
+    if (!objection.empty()) reject(candidate, objection);
+  }
   return candidate;
+}
+
+/// The score of loops that are not judged.
+double Verification::unknown_score(const Loop& loop) const {
+  return score_of(loop, history_.scale(), 0.5);
+}
+
+/// For a reason that the score does not know.
+void Verification::reject(Candidate& candidate, const std::string& why) const {
+  candidate.loop.score = unknown_score(candidate.loop);
+  acceptance_.decide(candidate.loop);  // sets the probability
+  candidate.rejection = why;
 }
 
 /// Returns the rejection, "" if only the score decides.
@@ -205,7 +218,7 @@ void Verification::verify(const Description& scan, const SeenScan& seen, bool dr
   }
   Candidate best = std::ranges::max(tried, {}, rank);
   if (best.rejection.empty() && is_ambiguous(best, tried)) {
-    best.rejection = "ambiguous";
+    reject(best, "ambiguous");
     best.fits = false;
   }
   found.loop = best.loop;

@@ -47,6 +47,8 @@ class Verification {
   std::vector<int64_t> same_place(const Loop& loop) const;
   std::optional<Loop> followed(const Description& scan, const std::vector<int64_t>& excluded) const;
   bool is_ambiguous(const Candidate& candidate, const std::vector<Candidate>& tried) const;
+  double unknown_score(const Loop& loop) const;
+  void reject(Candidate& candidate, const std::string& why) const;
   Candidate candidate_of(const Loop& loop, const SeenScan& query, bool drives) const;
   std::string register_entry(const SeenScan& query, bool drives, Candidate& candidate) const;
   std::string judge(const SeenScan& query, bool drives, Candidate& candidate) const;
