@@ -24,7 +24,6 @@ set(owned_libraries
   "png.h|pipeline/datasets/src/io/gray_png|tools/src/pictures/picture.cpp"
   "jpeglib.h|tools/src/pictures/picture.cpp"
   "liblzf/|pipeline/datasets/src/io/pcd"
-  "nanoflann|pipeline/registration/src/prepared_scan"
   "pcl/|pipeline/baselines/src/pcl/"
   "embree3/|simulator/src/ray_caster"
   "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"

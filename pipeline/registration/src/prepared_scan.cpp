@@ -3,7 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <bit>
-#include <limits>
+#include <cmath>
 #include <span>
 
 #include "revisit/base/error.h"
@@ -90,6 +90,13 @@ void check(const RegistrationOptions& options) {
   check("min_constraint", options.min_constraint, 0, 1);
 }
 
+namespace {
+
+constexpr double kSquare = 2.5;       // edge of the squares of the search, in voxels
+constexpr double kMostSquares = 250;  // per range
+
+}  // namespace
+
 PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& options) {
   check(options);
   const auto parts = std::make_shared<Parts>();
@@ -98,19 +105,24 @@ PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& o
   parts->points = thinned(cloud, options.voxel_size, options.max_range);
   if (parts->points.size() < kMinPoints) return;
 
-  parts->tree.emplace(parts->points);
+  // Larger ones for long ranges, so that there are not too many.
+  const auto square =
+      static_cast<float>(std::max(kSquare * options.voxel_size, options.max_range / kMostSquares));
+  parts->tree.emplace(parts->points, square);
   // The GICP paper uses the 20 nearest points. 10 of every second point cover the same area in half
   // the time; small scans need all points.
   const bool many = parts->points.size() >= 8000;
   std::vector<Eigen::Vector3f> half;
   for (size_t i = 0; many && i < parts->points.size(); i += 2) half.push_back(parts->points[i]);
   std::optional<NearestNeighbors> tree_of_half;
-  if (many) tree_of_half.emplace(half);
+  if (many) tree_of_half.emplace(half, square);
   const std::vector<Eigen::Vector3f>& others = many ? half : parts->points;
   const NearestNeighbors& tree = many ? *tree_of_half : *parts->tree;
   std::vector<Neighbor> neighbors(many ? 10 : 20);
+  float radius = square;
   for (const Eigen::Vector3f& point : parts->points) {
-    tree.nearest(point, std::numeric_limits<float>::max(), neighbors);
+    while (tree.nearest(point, radius * radius, neighbors) < neighbors.size()) radius *= 2;
+    radius = 1.25F * std::sqrt(neighbors.back().squared) + 0.01F;  // for the next point
     parts->normals.push_back(normal_of(others, neighbors));
     if (is_non_ground(parts->normals.back())) parts->upright.push_back(point);
   }

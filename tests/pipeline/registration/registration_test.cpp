@@ -44,18 +44,19 @@ TEST(NearestNeighbors, AreThoseOfAnExhaustiveSearch) {
   };
   std::vector<Eigen::Vector3f> points(2000);
   std::generate(points.begin(), points.end(), place);
-  const NearestNeighbors tree(points);
-  for (const size_t most : {size_t{1}, size_t{2}, NearestNeighbors::kMost})
+  const NearestNeighbors search(points, 1.5F);
+  for (const size_t most : {size_t{1}, size_t{2}, size_t{20}})
     for (int query = 0; query < 200; ++query) {
       constexpr float kLimit = 4;  // [m^2]
-      const Eigen::Vector3f at = place();
+      const Eigen::Vector3f at = place() * 1.2F;
       std::vector<float> expected;
       for (const Eigen::Vector3f& point : points)
         if ((point - at).squaredNorm() < kLimit) expected.push_back((point - at).squaredNorm());
       std::sort(expected.begin(), expected.end());
       expected.resize(std::min(expected.size(), most));
       std::vector<Neighbor> found(most);
-      ASSERT_EQ(tree.nearest(at, kLimit, found), expected.size());
+      EXPECT_EQ(search.any_within(at, kLimit), !expected.empty());
+      ASSERT_EQ(search.nearest(at, kLimit, found), expected.size());
       for (size_t i = 0; i < expected.size(); ++i) EXPECT_FLOAT_EQ(found[i].squared, expected[i]);
     }
 }
