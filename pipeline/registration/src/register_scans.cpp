@@ -130,25 +130,47 @@ Vector6d step_of(const PreparedScan::Parts& query, const PreparedScan::Parts& pl
   return -hessian.ldlt().solve(gradient);
 }
 
-/// Generalized ICP: first with about 1500 points until steps are small, then with all.
+/// True if fewer than `least` of the query's upright points have a pair within the inlier distance,
+/// by every `stride`th point.
+bool is_hopeless(const PreparedScan::Parts& query, const std::vector<Pair>& pairs, size_t stride,
+                 float inlier_distance, double least) {
+  size_t inliers = 0;
+  for (size_t i = 0; i < pairs.size(); i += stride)
+    if (pairs[i].squared <= inlier_distance * inlier_distance && is_non_ground(query.normals[i]))
+      inliers += stride;
+  return static_cast<double>(inliers) <
+         least * static_cast<double>(std::max(query.upright.size(), kMinNonGround));
+}
+
+/// Generalized ICP: first with about 1500 points until steps are small, then with all. Ends early
+/// if so few points fit that the rest could not make up for it: most other places end there.
 Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
-                         const Eigen::Isometry3d& start, float max_distance,
+                         const Eigen::Isometry3d& start, const RegistrationOptions& options,
                          std::vector<Pair>* pairs) {
   constexpr int kMaxSteps = 30;
-  constexpr double kTranslation = 1e-3;  // minimum step [m]
-  constexpr double kRotation = 1e-4;     // [rad]
+  constexpr int kTrial = 8;  // steps after which half of the inliers are found
+  constexpr double kAtTrial = 0.5, kAtEnd = 0.75;  // of the minimum inlier ratio
+  constexpr double kTranslation = 1e-3;            // minimum step [m]
+  constexpr double kRotation = 1e-4;               // [rad]
+  const auto max_distance = static_cast<float>(options.max_distance);
+  const auto is_lost = [&](size_t stride, double part) {
+    return is_hopeless(query, *pairs, stride, static_cast<float>(options.inlier_distance),
+                       part * options.min_inlier_ratio);
+  };
   Eigen::Isometry3d T = start;
   for (const bool all : {false, true}) {
     const size_t stride = all ? 1 : std::max<size_t>(1, pairs->size() / 1500);
     const double loose = all ? 1 : 10;
     for (int i = 0; i < kMaxSteps; ++i) {
       pair_points(query, place, T, max_distance, stride, pairs);
+      if (!all && i >= kTrial && is_lost(stride, kAtTrial)) return T;
       const Vector6d step = step_of(query, place, T, stride, *pairs);
       const double angle = step.tail<3>().norm();
       T.translate(step.head<3>());
       T.rotate(Eigen::AngleAxisd(angle, step.tail<3>().normalized()));
       if (step.head<3>().norm() < loose * kTranslation && angle < loose * kRotation) break;
     }
+    if (!all && is_lost(stride, kAtEnd)) return T;
   }
   return T;
 }
@@ -212,7 +234,7 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   const auto max_distance = static_cast<float>(options.max_distance);
   const auto inlier_distance = static_cast<float>(options.inlier_distance);
   std::vector<Pair> pairs(query.points.size());
-  result.T_place_query = fitted(query, place, start, max_distance, &pairs);
+  result.T_place_query = fitted(query, place, start, options, &pairs);
   pair_points(query, place, result.T_place_query, std::max(max_distance, inlier_distance), 1,
               &pairs);
   evaluate(query, place, options.inlier_distance, pairs, &result);
