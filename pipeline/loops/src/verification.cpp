@@ -79,22 +79,36 @@ void Verification::reject(Candidate& candidate, const std::string& why) const {
   candidate.rejection = why;
 }
 
+/// Points of an entry; absent if it has none or corrupt ones.
+std::optional<Verification::StoredPlace> Verification::stored_place(int64_t id) const {
+  constexpr size_t kMost = 8;  // half of all candidates are among the last 8
+  const auto known = std::ranges::find(recent_, id, &StoredPlace::id);
+  if (known != recent_.end()) {
+    std::rotate(recent_.begin(), known, known + 1);
+    return recent_.front();
+  }
+  std::string bytes;
+  std::pair<PointCloud, Eigen::Isometry3d> entry;  // with its mount
+  try {
+    map_.use_store([&](MapStore& store) { bytes = store.cloud(id); });
+    if (bytes.empty()) return std::nullopt;
+    entry = expand_cloud(bytes);
+  } catch (const InputError& error) {
+    if (corrupt_.insert(id).second) options_.warn(str("entry ", id, ": ", error.what()));
+    return std::nullopt;
+  }
+  recent_.push_front({id, entry.second, {std::move(entry.first), options_.registration}});
+  if (recent_.size() > kMost) recent_.pop_back();
+  return recent_.front();
+}
+
 /// Returns the rejection, "" if only the score decides.
 std::string Verification::register_entry(const SeenScan& query, bool drives,
                                          Candidate& candidate) const {
   const Loop& loop = candidate.loop;
-  std::string bytes;
-  std::pair<PointCloud, Eigen::Isometry3d> entry;  // with its mount
-  try {
-    map_.use_store([&](MapStore& store) { bytes = store.cloud(loop.id); });
-    if (bytes.empty()) return "no points";
-    entry = expand_cloud(bytes);
-  } catch (const InputError& error) {
-    if (corrupt_.insert(loop.id).second) options_.warn(str("entry ", loop.id, ": ", error.what()));
-    return "no points";
-  }
-  const Eigen::Isometry3d& mount = entry.second;
-  const SeenScan place(std::move(entry.first), options_.registration);
+  const std::optional<StoredPlace> stored = stored_place(loop.id);
+  if (!stored) return "no points";
+  const auto& [id, mount, place] = *stored;
   Registration found =
       register_scans(query.prepared(), place.prepared(), *loop.relative_yaw, options_.registration);
   candidate.T_place_query = found.T_place_query;
