@@ -6,16 +6,11 @@
   discriminants.py learn town-3.npz town-7.npz town-8.npz -o towns.npz
   foreign.py DATA --method learnt --discriminants towns.npz --feature scan-context|m2dp
 
-A Scan Context [20 heights][60 sectors] is compared at the best of 60 shifts, so it is treated like a ring descriptor:
-
-- The mean of the drive's first scans is subtracted.
-- A Fourier series over the azimuth is computed, in which a rotation only changes phases.
-- Each frequency has its own discriminant analysis of 20 complex dimensions.
-- Descriptors are compared at 360 yaw angles.
-
-M2DP is invariant to yaw: it has one discriminant analysis of its 192 dimensions, compared by cosine. Both are trained on every
-scan and two random augmentations, and on all pairs of one drive within 5 m, with b rotated to the yaw of a. The regularization is
-that of ring descriptors.
+A Scan Context [20 heights][60 sectors] is treated like a ring descriptor: the mean of the drive's first scans is subtracted, a
+Fourier series over the azimuth only changes phases when rotated, each frequency has its own discriminant analysis of 20 complex
+dimensions, and descriptors are compared at 360 yaw angles. M2DP is invariant to yaw: one analysis of its 192 dimensions, compared by
+cosine. Both are trained on every scan, two random augmentations, and all pairs of one drive within 5 m, with b rotated to the yaw of
+a. The regularization is that of ring descriptors.
 """
 
 import argparse

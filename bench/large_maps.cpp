@@ -161,8 +161,7 @@ int main(int count, char** arguments) try {
     measure_cosines(std::atoll(arguments[2]), std::atoll(arguments[3]), count > 4);
   } else if (what == "rings") {
     std::puts(
-        "| entries | candidates, or 0: all | codes built in [s] | p50, p99 [ms] | found among all "
-        "| "
+        "| entries | candidates, or 0: all | codes built [s] | p50, p99 [ms] | found among all | "
         "of them found | of the best four |\n|---|---|---|---|---|---|---|");
     const RingMap map(arguments[2]);
     for (int i = 3; i < count; ++i) measure_rings(map, std::atoll(arguments[i]));

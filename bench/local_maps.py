@@ -1,14 +1,9 @@
 """MapClosures (Gupta et al., ICRA 2024; PyPI `map-closures`) on the keyframes of a drive.
 
-As in the authors' pipeline, a local map ends when the sensor is `length` meters from its start. It is compared with all local maps
-except the previous three. Three things differ:
-
-- Poses are those of the drive instead of KISS-ICP's, which favors MapClosures. KISS-ICP is used for drives without poses.
-- The next local map starts with the scans of this one. The authors' pipeline keeps all scans within 100 m, including older scans
-  of the place itself after a quick return. These would be found by odometry instead of recognition.
-- A closure (T, inliers) gives the pose of a keyframe of the later map in the earlier one. The nearest keyframe there, within 5 m,
-  is the answer, and the number of inliers is the score. Keyframes without such a closure have no answer. The answer is available
-  when the local map ends, up to `length` meters later than those of other methods.
+As in the authors' pipeline, a local map ends when the sensor is `length` meters from its start, and is compared with all but the
+previous three. Three things differ: poses are the drive's, KISS-ICP's only if it has none, which favors MapClosures. The next local
+map starts with the scans of this one, because older scans of a place would be found by odometry. A closure (T, inliers) gives the pose
+of a keyframe in the earlier map; the nearest keyframe there, within 5 m, is the answer, the inliers its score.
 """
 
 import sys
