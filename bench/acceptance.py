@@ -65,8 +65,10 @@ def judged(lines, poses, excluded, reach=5, limits=(1, 5), excluded_meters=0):
 
 
 def posed(folder, scans='bin', excluded=50, limits=(1, 5)):
-    lines = lines_of(folder / scans, '--exclusion', f'frames={excluded}')
-    return judged(lines, homogeneous(np.loadtxt(folder / 'poses_kitti.txt')), excluded, limits=limits, excluded_meters=50)[0]
+    lines, poses = lines_of(folder / scans, '--exclusion', f'frames={excluded}'), homogeneous(np.loadtxt(folder / 'poses_kitti.txt'))
+    if len(poses) == len(lines):  # of a part of a drive, whose frames do not begin at 0
+        poses = np.concatenate([np.repeat(poses[:1], lines[0]['frame'], axis=0), poses])
+    return judged(lines, poses, excluded, limits=limits, excluded_meters=50)[0]
 
 
 def listed(files):

@@ -44,9 +44,8 @@ def of_poses(file, poses, near):
     rows = [row for row in csv.DictReader(open(file)) if row['match_frame']]
     here, match = (at[[int(row[which]) for row in rows]] for which in ('frame', 'match_frame'))
     v, apart = np.array([float(row['score']) for row in rows]), np.linalg.norm(here - match, axis=1) / float(near)
-    use = (apart < 1) | (apart > 2)
-    right = apart[use] < 1
-    return v[use], right, by_place(v[use], right, here[use])
+    v, right, here = (each[(apart < 1) | (apart > 2)] for each in (v, apart < 1, here))
+    return v, right, by_place(v, right, here)
 
 
 def of_pairs(file, lists, none_before):

@@ -181,16 +181,16 @@ std::optional<Loop> Verification::followed(const Description& scan,
                                            const std::vector<int64_t>& excluded) const {
   constexpr int64_t kAround = 10;
   const std::optional<int64_t> last = history_.last_place();
-  std::optional<Loop> best;
-  if (!last) return best;
+  if (!last) return std::nullopt;
+  std::pair<double, int64_t> best(-1, 0);  // similarity, index
   const int64_t end = std::min(map_.size(), *last + kAround + 1);
-  for (int64_t index = std::max<int64_t>(0, *last - kAround); index < end; ++index) {
-    if (std::ranges::find(excluded, index) != excluded.end()) continue;
-    const Loop loop = map_.compare(scan, index);
-    if (!best || loop.similarity > best->similarity) best = loop;
-  }
-  if (best) best->relative_yaw = history_.yaw_to(best->index).value_or(*best->relative_yaw);
-  return best;
+  for (int64_t index = std::max<int64_t>(0, *last - kAround); index < end; ++index)
+    if (std::ranges::find(excluded, index) == excluded.end())
+      best = std::max(best, {map_.similarity(scan, index), index});
+  if (best.first < 0) return std::nullopt;
+  Loop loop = map_.compare(scan, best.second);
+  if (const auto yaw = history_.yaw_to(loop.index)) loop.relative_yaw = yaw;
+  return loop;
 }
 
 /// The scan fits another part of the self-similar stretch as well.

@@ -1,5 +1,7 @@
 #include "drive_history.h"
 
+#include <numbers>
+
 #include "testing.h"
 
 namespace revisit {
@@ -77,6 +79,32 @@ TEST(DriveHistory, PosesRefuteLoops) {
   EXPECT_TRUE(is_refuted(0, 0, 0, 1.6)) << "0.5 m and 1 %";
   EXPECT_TRUE(is_refuted(80, 0, 3.1, 0));
   EXPECT_FALSE(is_refuted(999, 50, 0, 0)) << "of another session";
+}
+
+/// Scans at 0, 1, ... m without poses; rings estimate `relative_yaw` to the scan before.
+DriveHistory registered(int scans, double relative_yaw) {
+  DriveHistory history({.min_inlier_ratio = 0.1}, OdometryGate());
+  for (int i = 0; i < scans; ++i) {
+    const SeenScan scan = hall(i);
+    history.arrive(scan, i, {}, relative_yaw);
+    history.add(i, scan);
+  }
+  return history;
+}
+
+TEST(DriveHistory, RegisteredMotionRefutesLoops) {
+  for (const double relative_yaw : {0.0, std::numbers::pi}) {
+    SCOPED_TRACE(relative_yaw);  // a hall looks alike when turned around, but nothing turns at once
+    const DriveHistory history = registered(9, relative_yaw);  // at 8 m
+    const auto is_refuted = [&](double x, double z) {
+      CandidatePlace place = place_at(0, 0);
+      place.pose.reset();
+      return history.is_refuted(place, Eigen::Isometry3d(Motion(x, 0, z)));
+    };
+    EXPECT_FALSE(is_refuted(8, 0) || is_refuted(4, 0) || is_refuted(12, 1));
+    EXPECT_TRUE(is_refuted(3, 0) && is_refuted(13, 0)) << "4 m and 10 % of 8 m";
+    EXPECT_TRUE(is_refuted(8, 2)) << "1 m and 10 %";
+  }
 }
 
 TEST(DriveHistory, AnAcceptedLoopConfirmsOthers) {
