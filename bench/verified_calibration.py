@@ -2,10 +2,11 @@
 """Calibration of registered loops (verified_calibration()) by SciPy, from output of `revisit loops`.
 
   revisit loops SCANS --all > town.csv                          # for each drive
-  verified_calibration.py --drive street town.csv TOWN 5 ...    # prints the blocks of verified_calibration()
+  verified_calibration.py --drive street town.csv TOWN 5 1 ...  # prints the blocks of verified_calibration()
 
---drive KIND LINES POSES NEAR: matches nearer than NEAR [m] are correct, those farther than twice that incorrect. POSES is a drive of
-KITTI's layout, or has 12 numbers of T_world_lidar for each frame. Each place has weight 1 (scores_by_place()). Incorrect matches are
+--drive KIND LINES POSES NEAR LIMIT: matches whose registered pose is off by at most LIMIT [m] are correct, and those nearer than NEAR [m]
+that are not registered; matches farther than twice NEAR are incorrect, others ignored. POSES is a drive of KITTI's layout, or has 12
+numbers of T_world_lidar for each frame. Each place has weight 1 (scores_by_place()). Incorrect matches are
 reweighted to a prior of 10 % correct. The probability is an isotonic regression on the score. Then leaves out each kind of
 surroundings in turn, and counts its matches of probability 0.99.
 --pairs gives a drive without poses: listed places and two frames around them are correct; unlisted queries up to --none-before
@@ -17,7 +18,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from acceptance import homogeneous, listed, truth
+from acceptance import error_of, homogeneous, listed, truth
 from scipy.optimize import isotonic_regression
 
 RIGHT_SHARE = 0.1
@@ -39,12 +40,19 @@ def by_place(v, right, here):
     return weight
 
 
-def of_poses(file, poses, near):
-    at = (truth(Path(poses)) if Path(poses).is_dir() else homogeneous(np.loadtxt(poses)))[:, :3, 3]
-    rows = [row for row in csv.DictReader(open(file)) if row['match_frame']]
-    here, match = (at[[int(row[which]) for row in rows]] for which in ('frame', 'match_frame'))
-    v, apart = np.array([float(row['score']) for row in rows]), np.linalg.norm(here - match, axis=1) / float(near)
-    v, right, here = (each[(apart < 1) | (apart > 2)] for each in (v, apart < 1, here))
+def of_poses(file, poses, near, limit):
+    poses = truth(Path(poses)) if Path(poses).is_dir() else homogeneous(np.loadtxt(poses))
+    v, right, here = [], [], []
+    for row in csv.DictReader(open(file)):
+        line = {key: int(row[key]) for key in ('frame', 'match_frame') if row[key]}
+        if len(line) == 2:
+            apart = np.linalg.norm(poses[line['frame'], :3, 3] - poses[line['match_frame'], :3, 3]) / float(near)
+            if row['x']:
+                meters, degrees = error_of(line | {'registered': {key: float(row[key]) for key in ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')}}, poses)
+                apart = 0 if meters <= float(limit) and degrees <= 10 else max(apart, 1.5) if apart < 1 else apart
+            if not 1 <= apart <= 2:
+                v, right, here = [*v, float(row['score'])], [*right, apart < 1], [*here, poses[line['frame'], :3, 3]]
+    v, right, here = map(np.array, (v, right, here))
     return v, right, by_place(v, right, here)
 
 
@@ -68,7 +76,8 @@ def blocks(drives):
     """
     v, right, weight = (np.concatenate(each) for each in zip(*drives))
     weight = np.where(right, 1, weight[right].sum() / weight[~right].sum() * (1 - RIGHT_SHARE) / RIGHT_SHARE) * weight
-    step, at = np.unique(np.floor(v / STEP), return_inverse=True)
+    step = np.floor(v / STEP)
+    step, at = np.unique(np.where(step == -1, -2, step), return_inverse=True)  # nothing is learned about scores just below 0
     matches, found = np.bincount(at, weight), np.bincount(at, weight * right)
     first, last = np.eye(len(step))[[0, -1]]
     share = isotonic_regression((found + first) / (matches + first + last), weights=matches + first + last).x
@@ -84,7 +93,7 @@ def threshold(found, precision=0.99):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--drive', nargs=4, metavar=('KIND', 'LINES', 'POSES', 'NEAR'), action='append', default=[])
+    parser.add_argument('--drive', nargs=5, metavar=('KIND', 'LINES', 'POSES', 'NEAR', 'LIMIT'), action='append', default=[])
     parser.add_argument('--pairs', nargs='+', metavar='KIND LINES LIST...', action='append', default=[])
     parser.add_argument('--none-before', type=int, default=-1)
     o = parser.parse_args()

@@ -319,15 +319,15 @@ const Calibration& verified_calibration() {
   // Computed by bench/verified_calibration.py.
   static const Calibration calibration = {
       .score = Score::kVerified,
-      .trained_on = "NCLT, MulRan Riverside, two Mid-360 recordings and 6 simulated drives",
-      .blocks = {{-0.88, 660.4849, 0.0588},
-                 {-0.46, 2027.7810, 3.3328},
-                 {-0.32, 15.1202, 0.2},
-                 {-0.28, 92.8019, 1.6899},
-                 {-0.08, 56.0165, 2.5288},
-                 {-0.06, 118.6491, 7.2589},
-                 {-0.02, 6.7735, 1.5580},
-                 {0, 312.3728, 312.3728}}};
+      .trained_on =
+          "20 drives: streets, offices, a car park, a mine, greenhouses, a forest, a yard, "
+          "NCLT, MulRan Riverside, a walk",
+      .blocks = {{-0.94, 6044.0089, 0.7546},
+                 {-0.36, 178.3877, 7.4648},
+                 {-0.06, 18.6990, 1.5435},
+                 {-0.04, 7.2852, 2.7535},
+                 {0, 164.6049, 163.4693},
+                 {0.02, 517.0143, 517.0143}}};
   return calibration;
 }
 
