@@ -21,21 +21,22 @@ class Cells {
       for (int dy = -1; dy <= 1; ++dy)
         for (int dx = -1; dx <= 1; ++dx) {
           const int cell = at + step(dx, dy);
-          uint8_t& value = values_[static_cast<size_t>(cell)];
-          value = std::max(value, static_cast<uint8_t>(3 - std::abs(dx) - std::abs(dy)));
+          float& value = values_[static_cast<size_t>(cell)];
+          value = std::max(value, static_cast<float>(3 - std::abs(dx) - std::abs(dy)));
         }
     }
   }
 
   int index(double x, double y) const { return step(column(x), column(y)); }
   int step(int dx, int dy) const { return dy * 2 * middle_ + dx; }
-  int value(int index) const { return values_[static_cast<size_t>(index)]; }
+  /// The cells at and after `index`.
+  const float* at(int index) const { return &values_[static_cast<size_t>(index)]; }
 
  private:
   int column(double x) const { return static_cast<int>(std::floor(x / kCell)) + middle_; }
 
   int middle_;
-  std::vector<uint8_t> values_;  // [2 * middle][2 * middle]
+  std::vector<float> values_;  // [2 * middle][2 * middle]
 };
 
 }  // namespace
@@ -46,7 +47,9 @@ Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
   constexpr double kStep = 1.5 * std::numbers::pi / 180;  // [rad]
   const Cells cells(place, range + search_radius);
   const int most = static_cast<int>(search_radius / kCell);
-  int64_t best = -1;
+  // Of each shift the sum over the query, exact: [dx][dy], both from -most.
+  Eigen::ArrayXXf sums(2 * most + 1, 2 * most + 1);
+  float best = -1;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   std::vector<int> turned;
   std::vector<std::pair<int, int>> counts;
@@ -65,11 +68,15 @@ Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
       if (counts.empty() || counts.back().first != cell) counts.emplace_back(cell, 0);
       ++counts.back().second;
     }
+    sums.setZero();
+    for (const auto& [cell, count] : counts)
+      for (int dy = -most; dy <= most; ++dy)
+        sums.col(dy + most) +=
+            static_cast<float>(count) *
+            Eigen::Map<const Eigen::ArrayXf>(cells.at(cell + cells.step(-most, dy)), sums.rows());
     for (int dy = -most; dy <= most; ++dy)
       for (int dx = -most; dx <= most; ++dx) {
-        const int step = cells.step(dx, dy);
-        int64_t sum = 0;
-        for (const auto& [cell, count] : counts) sum += count * cells.value(cell + step);
+        const float sum = sums(dx + most, dy + most);
         if (sum <= best) continue;
         best = sum;
         pose.linear() = matrix;

@@ -47,7 +47,7 @@ bool NearestNeighbors::search_run(uint32_t begin, uint32_t end, const Eigen::Vec
   for (uint32_t at = begin; at < end; at += kLanes) {
     const auto lanes = [&](int axis) { return Lanes::Map(&sorted_(at, axis)) - place[axis]; };
     const Lanes squared = lanes(0).square() + lanes(1).square() + lanes(2).square();
-    if (!(squared.minCoeff() < limit)) continue;
+    if (!(squared.head<kLanes / 2>().min(squared.tail<kLanes / 2>()).minCoeff() < limit)) continue;
     for (uint32_t i = at; i < std::min(at + kLanes, end); ++i)
       if (squared[i - at] < limit && !take(squared[i - at], i)) return false;
   }

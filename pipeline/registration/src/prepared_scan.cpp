@@ -1,6 +1,6 @@
 #include "prepared_scan.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -62,6 +62,35 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
 
 namespace {
 
+/// Eigenvector of the smallest eigenvalue, by Newton's method from below: some steps of arithmetic,
+/// where closed forms need functions whose last digits depend on the CPU.
+Eigen::Vector3d thinnest_direction(const Eigen::Matrix3d& covariance) {
+  constexpr int kMaxSteps = 20;
+  const double size = covariance.trace();
+  if (!(size > 0)) return Eigen::Vector3d::UnitX();
+  Eigen::Matrix3d A = covariance / size;  // trace 1
+  const Eigen::Vector3d x = A.col(0), y = A.col(1), z = A.col(2);
+  const double pairs =
+      x[0] * y[1] - x[1] * x[1] + x[0] * z[2] - x[2] * x[2] + y[1] * z[2] - y[2] * y[2];
+  const double determinant = x.dot(y.cross(z));
+  double root = 0;
+  for (int i = 0; i < kMaxSteps; ++i) {
+    const double slope = pairs + root * (3 * root - 2);
+    const double step = (determinant - root * (pairs + root * (root - 1))) / slope;
+    if (!(slope > 0 && step > 1e-12)) break;
+    root += step;
+  }
+  A.diagonal().array() -= root;
+  Eigen::Vector3d best = A.col(0).cross(A.col(1));
+  for (const Eigen::Vector3d& other :
+       {A.col(0).cross(A.col(2)).eval(), A.col(1).cross(A.col(2)).eval()})
+    if (other.squaredNorm() > best.squaredNorm()) best = other;
+  if (best.squaredNorm() > 1e-20) return best.normalized();
+  Eigen::Index widest = 0;  // a line: any direction across it
+  A.colwise().squaredNorm().maxCoeff(&widest);
+  return A.col(widest).unitOrthogonal();
+}
+
 Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
                           std::span<const Neighbor> neighbors) {
   // Relative to the nearest point, to limit cancellation errors.
@@ -71,11 +100,13 @@ Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
   for (const Neighbor& neighbor : neighbors) {
     const Eigen::Vector3d p = (points[neighbor.point] - origin).cast<double>();
     sum += p;
-    squares += p * p.transpose();
+    squares.col(0) += p[0] * p;
+    squares.col(1).tail<2>() += p[1] * p.tail<2>();
+    squares(2, 2) += p[2] * p[2];
   }
   squares -= sum * sum.transpose() / static_cast<double>(neighbors.size());
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
-  return solver.computeDirect(squares).eigenvectors().col(0).cast<float>();
+  const Eigen::Matrix3d covariance = squares.selfadjointView<Eigen::Lower>();
+  return thinnest_direction(covariance).cast<float>();
 }
 
 }  // namespace

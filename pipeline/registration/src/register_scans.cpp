@@ -80,6 +80,7 @@ struct Pair {
   // Position of the query's point when the pair was found.
   Eigen::Vector3f at = Eigen::Vector3f::Zero();
   float slack = -1;  // the pair stays valid within this distance from `at` [m]
+  float reach = 0;   // two points are within this distance from `at`; 0: not known [m]
 };
 
 /// Pairs every `stride`th query point with the nearest place point closer than `limit` [m]. Pairs
@@ -94,11 +95,14 @@ void pair_points(const PreparedScan::Parts& query, const PreparedScan::Parts& pl
       pair.squared = (moved - place.points[pair.place]).squaredNorm();
       continue;
     }
+    float most = limit;
+    if (pair.reach > 0) most = std::min(most, pair.reach + (moved - pair.at).norm() + 1e-3F);
     pair = {};
-    const size_t count = place.tree->nearest(moved, limit * limit, found);
+    const size_t count = place.tree->nearest(moved, most * most, found);
     if (count == 0) continue;
     const float second = count == 2 ? std::sqrt(found[1].squared) : limit;
-    pair = {found[0].point, found[0].squared, moved, (second - std::sqrt(found[0].squared)) / 2};
+    pair = {found[0].point, found[0].squared, moved, (second - std::sqrt(found[0].squared)) / 2,
+            count == 2 ? second : 0};
   }
 }
 
