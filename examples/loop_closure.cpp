@@ -17,6 +17,8 @@ void run(int argc, char** argv) {
     const PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, step}
     const Detection found = detector.take(view_of(cloud), {.frame = i - 2});
     if (!found.error.empty()) std::printf("%s: %s\n", argv[i], found.error.c_str());
+    for (const int64_t frame : found.questioned)  // remove its edge from the pose graph
+      std::printf("later loops contradict that of %s\n", argv[frame + 2]);
     if (!found.accepted) continue;
     std::printf("%s matches entry %ld, score %.3f, relative yaw %.1f degrees\n", argv[i],
                 static_cast<long>(found.loop->id), found.loop->score,

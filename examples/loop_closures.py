@@ -29,6 +29,8 @@ def main():
         if found.error:
             print(f'{scan.source}: {found.error}', file=sys.stderr)
         elif found.accepted:
+            for frame in found.questioned:
+                print(f'later loops contradict that of frame {frame}', file=sys.stderr)
             loop = found.loop
             print(f'{scan.frame},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
     print(f'{len(detector.map)} map entries', file=sys.stderr)

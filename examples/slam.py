@@ -133,15 +133,20 @@ def main():
     if o.simulate is not None:
         program.run('simulate', '-o', o.data, '--length', o.simulate, '--every', 2, '--route', 'both')
     recording = recordings.open_recording(o.data, sequence=o.sequence)
-    odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
+    odometry, loops, node_of, node_of_frame = Odometry(o.max_range, not o.no_deskew), [], {}, {}
+    ended, start = None, time.perf_counter()
     moving = odometry.keyframes(with_progress(recording), o.keyframe)
     detector = LoopDetector(open_map(None, o.sensor, local_map=o.local_map), exclusion='meters=40')
     try:
         for visit in recognize(moving, detector):
-            found = visit.found
-            node_of[found.index] = len(odometry.chosen) - 1
+            found, node = visit.found, len(odometry.chosen) - 1
+            node_of[found.index] = node_of_frame[visit.scan.frame] = node
             if found.accepted:
-                loops.append((node_of[found.loop.index], len(odometry.chosen) - 1, found.registered))
+                loops.append((node_of[found.loop.index], node, found.registered))
+            if found.questioned:
+                questioned = {node_of_frame[frame] for frame in found.questioned}
+                print(f'{visit.scan.source}: drops {len(questioned)} earlier loops, which others contradict', file=sys.stderr)
+                loops = [loop for loop in loops if loop[1] not in questioned]
     except (KeyboardInterrupt, errors.InputError) as error:  # an unreadable scan, or a truncated recording
         if not odometry.chosen:
             raise

@@ -212,11 +212,16 @@ void bind_loop_detector(nb::module_& module) {
               "The loop's score reaches the threshold, the loop is not ambiguous and, if loops are "
               "registered, it fits.")
       .def_ro(
+          "questioned", &Detection::questioned,
+          "Frames of earlier scans whose accepted loops this loop and others contradict: remove "
+          "them from the pose graph.")
+      .def_ro(
           "rejection", &Detection::rejection,
           "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
           "registration), 'ambiguous', 'no points' (the entry has none), 'registration' "
-          "(points do not fit), 'contradicted' (by free space), 'hidden' (by something near) or "
-          "'odometry' (by the poses); '' if accepted.");
+          "(points do not fit), 'contradicted' (by free space), 'hidden' (by something near), "
+          "'odometry' (by the poses) or 'inconsistent' (with other loops of the last 30 m); '' if "
+          "accepted.");
   nb::class_<PythonDetector>(
       module, "LoopDetector",
       "Detects loop closures in the scans of one drive, given in order. Every scan is described, "
@@ -226,7 +231,7 @@ void bind_loop_detector(nb::module_& module) {
           [](PythonDetector* self, const MapArgument& map, const std::string& drive,
              const std::string& exclusion, const std::string& keyframes, std::optional<bool> verify,
              std::optional<double> threshold, std::optional<double> target_precision,
-             bool keep_clouds) {
+             bool keep_clouds, const std::string& odometry_gate) {
             const nb::object owner = map_of(map);
             PythonMap& used = nb::cast<PythonMap&>(owner);
             const LoopDetectorOptions options{.drive = drive,
@@ -236,6 +241,7 @@ void bind_loop_detector(nb::module_& module) {
                                               .threshold = threshold,
                                               .target_precision = target_precision,
                                               .keep_clouds = keep_clouds,
+                                              .odometry_gate = parse_odometry_gate(odometry_gate),
                                               .warn = used.warn()};
             without_lock([&] { new (self) PythonDetector(used, options); });
             self->owner = owner;
@@ -243,6 +249,7 @@ void bind_loop_detector(nb::module_& module) {
           "map"_a = nb::none(), nb::kw_only(), "drive"_a = "",
           "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = nb::none(),
           "threshold"_a = nb::none(), "target_precision"_a = nb::none(), "keep_clouds"_a = true,
+          "odometry_gate"_a = "2,0.05,0.5",
           "map: a Map; or the file or server's address of one of ring descriptors, which "
           "open_map() opens; None: a temporary map.\n"
           "drive: name of the drive in the map.\n"
@@ -257,7 +264,10 @@ void bind_loop_detector(nb::module_& module) {
           "target_precision.\n"
           "target_precision: target fraction of accepted loops that are correct, by the "
           "calibration; None: 0.99 if loops are registered, else 0.95.\n"
-          "keep_clouds: store about 20 kB of points with each entry, for registration.")
+          "keep_clouds: store about 20 kB of points with each entry, for registration.\n"
+          "odometry_gate: 'BASE,RATE,HEIGHT': loops may differ from the poses by BASE + RATE * "
+          "path "
+          "horizontally and HEIGHT + RATE / 5 * path vertically [m]; 'none': poses judge no loops.")
       .def(
           "take",
           [](PythonDetector& self, PointsArgument points, int64_t frame, std::optional<double> time,

@@ -458,19 +458,22 @@ TEST(LoopSummary, CountsRejections) {
   add(0.7, "score");
   add(0.7, "similarity");
   add(0.8, "ambiguous");
-  for (const char* why : {"registration", "contradicted", "hidden", "odometry"}) add(0.8, why);
+  for (const char* why : {"registration", "contradicted", "hidden", "odometry", "inconsistent"})
+    add(0.8, why);
   add(0.8, "no points");
   add(0.9, "");
   summary.add({.error = "the scan has no points"});
+  summary.add({.loop = Loop{}, .accepted = true, .questioned = {7}});
+  EXPECT_EQ(summary.questioned(), std::vector<int64_t>{7});
   EXPECT_EQ(
       summary.text(),
-      "12 scans, 1 loop accepted, 1 more look alike, among too few distinct entries, 1 more "
+      "14 scans, 2 loops accepted, 1 more look alike, among too few distinct entries, 1 more "
       "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
       "alike for long, 1 more look alike, but their points "
       "do not fit, 1 more look alike, but points of one float in free space of the other, 1 "
       "more look alike, but something near hides the scene, 1 more look alike, but not by the "
-      "poses, 1 more look alike, but their entries have no readable points, 1 scan "
-      "skipped");
+      "poses, 1 more look alike, but other loops contradict them, 1 more look alike, but their "
+      "entries have no readable points, 1 loop contradicted by later ones, 1 scan skipped");
 }
 
 }  // namespace

@@ -35,7 +35,6 @@ std::optional<OdometryGate> parse_odometry_gate(const std::string& text) {
 
 bool DriveHistory::is_refuted(const CandidatePlace& place,
                               const Eigen::Isometry3d& T_place_scan) const {
-  if (!gate_) return false;
   const auto before = entries_.find(place.index);
   if (!place.pose || !here_.given)
     return before != entries_.end() && is_refuted_by_motion(before->second, T_place_scan);
@@ -55,8 +54,8 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
   // Worlds have any axes; the sensor's tilt is small.
   const Eigen::Vector3d up = (place.pose->linear().col(2) + expected.linear().col(2)).normalized();
   const double height = apart.dot(up);
-  return (apart - height * up).norm() > gate_->base + gate_->rate * path ||
-         std::abs(height) > gate_->height + gate_->rate / 5 * path;
+  return (apart - height * up).norm() > gate_.base + gate_.rate * path ||
+         std::abs(height) > gate_.height + gate_.rate / 5 * path;
 }
 
 /// By consecutive registrations. Their drift was at most 6 % of the path, in height 7 %.
@@ -64,18 +63,18 @@ bool DriveHistory::is_refuted_by_motion(const Position& place,
                                         const Eigen::Isometry3d& T_place_scan) const {
   constexpr double kWider = 2;  // than the limits for odometry
   if (place.stretch != here_.stretch) return false;
-  const double drift = gate_->rate * (here_.path - place.path);
+  const double drift = gate_.rate * (here_.path - place.path);
   const Eigen::Vector3d apart =
       (place.pose * T_place_scan).translation() - here_.pose.translation();
-  return apart.head<2>().norm() > kWider * (gate_->base + drift) ||
-         std::abs(apart.z()) > kWider * (gate_->height + drift);
+  return apart.head<2>().norm() > kWider * (gate_.base + drift) ||
+         std::abs(apart.z()) > kWider * (gate_.height + drift);
 }
 
 std::optional<bool> DriveHistory::agree(const FittingLoop& one, const FittingLoop& before) const {
   constexpr double kYaw = 5 * std::numbers::pi / 180;        // [rad]
   constexpr double kYawRate = 0.1 * std::numbers::pi / 180;  // [rad per m]
   const auto to = entries_.find(one.index), from = entries_.find(before.index);
-  double path = one.at.path - before.at.path;
+  double path = std::abs(one.at.path - before.at.path);
   Eigen::Isometry3d T_place_before;
   if (one.at.stretch != before.at.stretch) return std::nullopt;
   if (one.index == before.index) {
@@ -92,17 +91,16 @@ std::optional<bool> DriveHistory::agree(const FittingLoop& one, const FittingLoo
   }
   const Eigen::Isometry3d error = one.T_place_scan.inverse() * T_place_before *
                                   before.T_place_scan * before.at.pose.inverse() * one.at.pose;
-  return error.translation().head<2>().norm() < gate_->base / 2 + gate_->rate * path &&
+  return error.translation().head<2>().norm() < gate_.base / 2 + gate_.rate * path &&
          std::abs(std::atan2(error(1, 0), error(0, 0))) < kYaw + kYawRate * path;
 }
 
 std::string DriveHistory::objection(const CandidatePlace& place,
                                     const Eigen::Isometry3d& T_place_scan) const {
-  if (!gate_) return "";
   if (is_refuted(place, T_place_scan)) return "odometry";
   FittingLoop loop = fitting(place, T_place_scan);
   for (const FittingLoop& before : fitting_)
-    if (const auto agrees = agree(loop, before)) ++(*agrees ? loop.agreeing : loop.contradicting);
+    if (const auto agrees = agree(loop, before)) loop.count(*agrees);
   return loop.is_outvoted() ? "inconsistent" : "";
 }
 
@@ -114,12 +112,11 @@ std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
     accepted_.push_back({place, T_place_scan, here_});
     if (accepted_.size() > kMostAccepted) accepted_.pop_front();
   }
-  if (!gate_) return questioned;
   while (!fitting_.empty() && here_.path - fitting_.front().at.path > kCompared)
     fitting_.pop_front();
   FittingLoop loop = fitting(place, T_place_scan);
   if (accepted) loop.frames.push_back(here_.frame);
-  if (!fitting_.empty() && here_.path - fitting_.back().at.path < kHalted &&
+  if (!fitting_.empty() && std::abs(here_.path - fitting_.back().at.path) < kHalted &&
       agree(loop, fitting_.back()).value_or(false)) {
     std::ranges::copy(loop.frames, std::back_inserter(fitting_.back().frames));
     return questioned;
@@ -127,8 +124,8 @@ std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
   for (FittingLoop& before : fitting_) {
     const auto agrees = agree(loop, before);
     if (!agrees) continue;
-    ++(*agrees ? loop.agreeing : loop.contradicting);
-    ++(*agrees ? before.agreeing : before.contradicting);
+    loop.count(*agrees);
+    before.count(*agrees);
     if (!before.is_outvoted()) continue;
     std::erase_if(related_,
                   [&](const auto& one) { return one.second.at.frame == before.at.frame; });

@@ -50,7 +50,7 @@ struct CandidatePlace {
 /// loops accepted on the last meters. Poses are those of the mounted frame.
 class DriveHistory {
  public:
-  DriveHistory(const RegistrationOptions& options, const std::optional<OdometryGate>& gate)
+  DriveHistory(const RegistrationOptions& options, const OdometryGate& gate)
       : options_(options), gate_(gate) {}
 
   /// The entry to which motions refer; absent at first.
@@ -123,6 +123,7 @@ class DriveHistory {
     std::vector<int64_t> frames = {};     // accepted, and not called in question
     int agreeing = 0, contradicting = 0;  // of the loops on 30 m before and behind
 
+    void count(bool agrees) { ++(agrees ? agreeing : contradicting); }
     bool is_outvoted() const { return contradicting >= agreeing + 2; }
   };
 
@@ -140,7 +141,7 @@ class DriveHistory {
                                            const Eigen::Isometry3d& expected) const;
 
   RegistrationOptions options_;
-  std::optional<OdometryGate> gate_;
+  OdometryGate gate_;
   Position here_, before_;                          // of this scan and the one before
   Eigen::Vector3d step_ = Eigen::Vector3d::Zero();  // from one to the other [m]
   std::optional<Reference> reference_;

@@ -34,7 +34,7 @@ void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isom
 
 void Verification::arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp) {
   std::optional<Eigen::Isometry3d> pose;
-  if (stamp.pose && options_.odometry) pose = *stamp.pose * map_.options().mount.inverse();
+  if (stamp.pose && options_.odometry_gate) pose = *stamp.pose * map_.options().mount.inverse();
   const std::optional<int64_t> before = history_.reference();
   history_.arrive(seen, stamp.frame, pose,
                   before && !pose ? map_.compare(scan, *before).relative_yaw : std::nullopt);
@@ -116,7 +116,7 @@ std::string Verification::register_entry(const SeenScan& query, bool drives,
   candidate.registered = found;
   if (found.inlier_ratio < options_.registration.min_inlier_ratio) return "registration";
   std::optional<Eigen::Isometry3d> pose;
-  if (loop.pose && options_.odometry) pose = *loop.pose * mount.inverse();
+  if (loop.pose && options_.odometry_gate) pose = *loop.pose * mount.inverse();
   candidate.place.emplace(
       CandidatePlace{loop.index, loop.drive, pose, place, pose ? path_of(loop) : 0});
   return judge(query, drives, candidate);

@@ -22,7 +22,7 @@ class Verification {
       : map_(map),
         options_(options),
         acceptance_(acceptance),
-        history_(options.registration, options.odometry_gate) {}
+        history_(options.registration, options.odometry_gate.value_or(OdometryGate())) {}
 
   /// The drive's next scan.
   void arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp);

@@ -107,6 +107,60 @@ TEST(DriveHistory, RegisteredMotionRefutesLoops) {
   }
 }
 
+/// A second pass, 1 m to the left of the places at `world`.
+struct SecondPass {
+  DriveHistory history = driven(101, 1);
+  Eigen::Isometry3d world = Eigen::Isometry3d::Identity();
+  int64_t first = 0;  // index of the place at 0 m
+  std::string drive = "monday";
+
+  using Frames = std::vector<int64_t>;
+  using Result = std::pair<std::string, Frames>;  // objection, questioned
+  /// The loop at `x`, off by `error` [m].
+  Result loop(int x, double error) {
+    history.arrive(from_middle(), 1000 + x, Eigen::Isometry3d(Motion(x, 1, 0)), {});
+    const CandidatePlace place{first + x, drive, world * Motion(x, 0, 0), from_middle(), 1.0 * x};
+    const Eigen::Isometry3d T(Motion(error, 1, 0));
+    EXPECT_FALSE(history.is_of_drive(place.index) && history.is_refuted(place, T));
+    const std::string objection = history.objection(place, T);
+    const Frames questioned = history.take_loop(place, T, objection.empty());
+    history.add(1000 + x, from_middle());
+    return {objection, questioned};
+  }
+};
+
+TEST(DriveHistory, LoopsContradictOneAnother) {
+  SecondPass pass;
+  EXPECT_EQ(pass.loop(0, 4), SecondPass::Result()) << "200 m: the gate lets 12 m pass";
+  EXPECT_EQ(pass.loop(1, 0), SecondPass::Result()) << "one against one";
+  EXPECT_EQ(pass.loop(2, 0), SecondPass::Result("", SecondPass::Frames{1000}));
+  EXPECT_EQ(pass.loop(3, -4), SecondPass::Result("inconsistent", SecondPass::Frames()));
+  EXPECT_EQ(pass.loop(4, 0.5), SecondPass::Result());
+  EXPECT_EQ(pass.loop(60, -4), SecondPass::Result()) << "more than 30 m on";
+}
+
+TEST(DriveHistory, TwoLoopsRelateTheWorldsOfTwoDrives) {
+  SecondPass pass;
+  pass.world = Motion(1000, 50, 3) * Eigen::AngleAxisd(1, Eigen::Vector3d::UnitZ());
+  pass.first = 500;
+  pass.drive = "tuesday";
+  EXPECT_EQ(pass.loop(0, 30), SecondPass::Result()) << "nothing relates them";
+  EXPECT_EQ(pass.loop(40, 0), SecondPass::Result()) << "a single one does not, it may be incorrect";
+  EXPECT_EQ(pass.loop(41, 0.5), SecondPass::Result());
+  EXPECT_EQ(pass.loop(81, 8), SecondPass::Result("odometry", SecondPass::Frames()))
+      << "2 m and 5 % of 80 m";
+  EXPECT_EQ(pass.loop(82, 5), SecondPass::Result());
+}
+
+TEST(OdometryGate, IsParsed) {
+  EXPECT_FALSE(parse_odometry_gate("none"));
+  const auto gate = parse_odometry_gate("3,0.1,1e9");
+  ASSERT_TRUE(gate);
+  EXPECT_EQ(std::tuple(gate->base, gate->rate, gate->height), std::tuple(3, 0.1, 1e9));
+  for (const char* wrong : {"", "1", "1,2", "1,2,", "1,2,3,", "1,2,3,4", "-1,0,0", "1,x,3", "1,,3"})
+    expect_error<UsageError>([&] { parse_odometry_gate(wrong); }, {"BASE,RATE,HEIGHT"});
+}
+
 TEST(DriveHistory, AnAcceptedLoopConfirmsOthers) {
   for (const bool by_poses : {true, false}) {
     SCOPED_TRACE(by_poses);

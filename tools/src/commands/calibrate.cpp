@@ -17,6 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kLeastShare = 1e-6;  // of correct matches
+constexpr double kMatchPrior = 0.1;   // fraction of correct matches in use; KITTI 08 has 0.08
 
 struct CalibrateOptions {
   fs::path model, weights, output;
@@ -24,8 +25,7 @@ struct CalibrateOptions {
   std::string exclusion = "frames=50", every = "1";
   int augmentations = 1;
   uint32_t seed = 1;
-  double radius = 5, match_prior = 0.1,
-         precision = default_target_precision(Score::kDistinctMargin);
+  double radius = 5, precision = default_target_precision(Score::kDistinctMargin);
   bool evaluate = false;
   FeatureOptions running;  // only threads, progress and sequence
 
@@ -54,11 +54,6 @@ void CalibrateOptions::declare(Options& options) {
       .option("radius", "METERS",
               "maximum distance of a correct match; incorrect beyond twice that (default 5)",
               &radius)
-      .option("match-prior", "P",
-              "prior probability that a match is correct where the model will be used (default "
-              "0.1; KITTI 08 has 0.08)",
-              &match_prior)
-      .between(kLeastShare, 1 - kLeastShare)
       .option("augment", "N", "perturbed copies of every scan, as further queries (default 1)",
               &augmentations)
       .at_least(0)
@@ -202,7 +197,7 @@ int calibrate(const CalibrateOptions& o) {
     std::vector<std::vector<LabeledScore>> scores;
     for (const std::vector<LabeledMatch>& drive : of_drives)
       scores.push_back(scores_by_place(drive, rule));
-    model.calibration = calibrate_leave_one_out(scores, o.match_prior);
+    model.calibration = calibrate_leave_one_out(scores, kMatchPrior);
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
     model.calibration->negative_radius = rule.negative_radius;

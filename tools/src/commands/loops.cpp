@@ -3,6 +3,7 @@
 #include <cstring>
 #include <fstream>
 #include <iostream>
+#include <map>
 
 #include "cli/command.h"
 #include "cli/terminal.h"
@@ -33,7 +34,8 @@ struct LoopsOptions {
   std::optional<double> follow;
   std::optional<bool> verify;  // absent: if the feature and the map allow it
   bool all = false, no_deskew = false, no_verify = false;
-  std::string exclusion_text = to_string(exclusion), keyframes = "all";
+  std::string exclusion_text = to_string(exclusion), keyframes = "all", gate_text = "2,0.05,0.5";
+  std::optional<OdometryGate> gate;
 
   void declare(Options& options);
   bool shows_progress() const { return !feature.quiet; }
@@ -87,6 +89,10 @@ void LoopsOptions::declare(Options& options) {
   options.common();
   map.declare(options);
   poses.declare(options);
+  options.option("odometry-gate", "BASE,RATE,HEIGHT",
+                 "loops may differ from the poses by BASE + RATE * path horizontally and HEIGHT + "
+                 "RATE / 5 * path vertically [m]; none: poses judge no loops (default 2,0.05,0.5)",
+                 &gate_text);
   declare_output(options);
   options.check([this] { finish(); });
 }
@@ -112,6 +118,7 @@ void LoopsOptions::declare_output(Options& options) {
 void LoopsOptions::finish() {
   exclusion = parse_exclusion(exclusion_text);
   check_keyframes(keyframes);
+  gate = parse_odometry_gate(gate_text);
   if (target_precision && !(*target_precision > 0 && *target_precision < 1))
     throw UsageError("--target-precision: expected more than 0, less than 1, found ",
                      *target_precision);
@@ -129,6 +136,7 @@ LoopDetectorOptions detector_options(const LoopsOptions& o) {
                               .threshold = o.threshold,
                               .target_precision = o.target_precision,
                               .keep_clouds = !o.map.no_clouds && (*o.verify || !o.map.file.empty()),
+                              .odometry_gate = o.gate,
                               .warn = warn};
   return options;
 }
@@ -139,7 +147,7 @@ Calibration calibrated(const LoopsOptions& o, const MapSource& source, const std
   const Dataset dataset = open_drive(o.feature, o.calibrate, sensor, true);
   Map map(source.extractor, source.options);
   LoopDetectorOptions options = detector_options(o);
-  options.odometry = false;
+  options.odometry_gate.reset();
   LoopDetector detector(map, options);
   cli::Progress progress("calibrating", "scans", o.shows_progress());
   const MatchRule rule = rule_of(kCalibrationRadius);
@@ -208,7 +216,14 @@ class LoopOutputs {
     if (found.accepted || all_) writer_.write(line_of(visit, drive));
   }
 
-  void warn_of_gaps() const {
+  /// `questioned`: frames.
+  void warn_of_gaps(const std::vector<int64_t>& questioned) const {
+    std::vector<std::string> edges;
+    for (const int64_t frame : questioned)
+      if (const auto edge = edges_.find(frame); edge != edges_.end()) edges.push_back(edge->second);
+    if (!edges.empty())
+      warn(str(o_.g2o.string(), ": later loops contradict the edges ", joined(edges, ", "),
+               "; remove them"));
     if (trajectory_ && trajectory_poses_ == 0)
       warn(o_.tum.string() +
            ": the file is empty, because no loop was registered to a map entry with a pose");
@@ -238,6 +253,7 @@ class LoopOutputs {
     graph_->known_vertex(found.loop->index, o_.poses.as_given(found.loop->pose));
     graph_->edge(found.loop->index, *found.index, found.registered->T_place_query,
                  found.registered->information);
+    edges_[visit.scan.frame] = str(found.loop->index, "-", *found.index);
   }
 
   const LoopsOptions& o_;
@@ -246,6 +262,7 @@ class LoopOutputs {
   LoopWriter writer_;
   std::optional<PoseGraphWriter> graph_;
   std::optional<TrajectoryWriter> trajectory_;
+  std::map<int64_t, std::string> edges_;  // of loops, by the frames of their queries
   int64_t trajectory_poses_ = 0, poses_ = 0, not_in_graph_ = 0;
 };
 
@@ -285,7 +302,7 @@ class LoopRun {
         note(str("the map has another recording '", drive_, "'; this one is stored as '",
                  detector_.drive(), "'"));
       std::cerr << summary.text() << ", " << map_.size() << " map entries\n";
-      outputs.warn_of_gaps();
+      outputs.warn_of_gaps(summary.questioned());
       print_latencies(std::move(milliseconds), map_.size());
     }
     return summary.skipped() > 0 ? kScansSkipped : kOk;

@@ -202,6 +202,10 @@ void EvalOptions::declare_driving_order(Options& options) {
       .option("keyframes", "RULE",
               "stored scans: all, meters=1 or similarity=0.9; all are queries (default all)",
               &keyframes)
+      .option("odometry-gate", "BASE,RATE,HEIGHT",
+              "the poses reject loops, too, as in `revisit loops` (default none: they only "
+              "evaluate)",
+              &odometry_gate)
       .option("warmup", "N",
               "distinct map entries that the map mean or PCA is estimated from (default 128)",
               &warmup);
@@ -214,7 +218,8 @@ void EvalOptions::declare_perturbed(Options& options) {
               "queries are perturbed scans, compared with all unperturbed ones, e.g. turn, pitch=5 "
               "or keep=0.2+sector=60; standard: a set of 19; docs/EVALUATION.md has all",
               &perturb)
-      .excludes({"protocol", "score", "k", "bootstrap", "keyframes", "warmup", "local-map"})
+      .excludes({"protocol", "score", "k", "bootstrap", "keyframes", "warmup", "local-map",
+                 "odometry-gate"})
       .common()
       .option("seed", "N", "seed of the perturbations (default 0)", &seed)
       .needs("perturb")
@@ -278,7 +283,7 @@ std::string EvalOptions::block() const {
 
 void EvalOptions::check(const Options& options) const {
   const bool drives = in_driving_order() && plan.empty() && ground_truth.empty();
-  for (const char* option : {"keyframes", "warmup", "local-map"})
+  for (const char* option : {"keyframes", "warmup", "local-map", "odometry-gate"})
     if (!drives && options.given(option))
       throw UsageError("--", option, ": belongs to the protocol ", kDrivingOrder);
   if (in_driving_order() && options.given("query-case"))
@@ -289,6 +294,7 @@ void EvalOptions::check(const Options& options) const {
   if (!perturb.empty() && query_case == "2")
     throw UsageError("--query-case 2: perturbed queries have case 1 or both");
   check_keyframes(keyframes);
+  parse_odometry_gate(odometry_gate);
   if (score) parse_score(*score);
   resamples();
   if (!block().empty()) parse_exclusion(block(), "block");

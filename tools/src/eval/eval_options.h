@@ -40,6 +40,7 @@ struct EvalOptions {
   int k = 4;
   std::string bootstrap = "1000";  // resamples(), perhaps with block()
   std::string keyframes = "all";
+  std::string odometry_gate = "none";
   int64_t warmup = MapOptions().warmup;
   bool no_report = false;
   // Perturbed queries; lists separated by commas.

@@ -284,7 +284,7 @@ DrivingOrderOptions driving_order_options(const EvalOptions& given,
   how.detector.keyframes = given.keyframes;
   if (evaluation.score) how.detector.verify = false;  // the score of registered loops is another
   how.detector.keep_clouds = !evaluation.score;
-  how.detector.odometry = false;
+  how.detector.odometry_gate = parse_odometry_gate(given.odometry_gate);
   how.observer = given.feature.observer();
   return how;
 }

@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <vector>
 
 #include "revisit/base/error.h"
@@ -47,6 +48,7 @@ void LoopSummary::add(const Detection& found) {
   const bool by_score = threshold_ && found.loop->score >= *threshold_;
   few_entries_ += found.rejection == "score" && by_score ? 1 : 0;
   ++rejected_[found.rejection];
+  std::ranges::copy(found.questioned, std::back_inserter(questioned_));
 }
 
 std::string LoopSummary::text() const {
@@ -71,8 +73,11 @@ std::string LoopSummary::text() const {
         std::pair(rejected("contradicted"), "but points of one float in free space of the other"),
         std::pair(rejected("hidden"), "but something near hides the scene"),
         std::pair(rejected("odometry"), "but not by the poses"),
+        std::pair(rejected("inconsistent"), "but other loops contradict them"),
         std::pair(rejected("no points"), "but their entries have no readable points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);
+  if (!questioned_.empty())
+    text += str(", ", plural(std::ssize(questioned_), "loop"), " contradicted by later ones");
   return skipped_ > 0 ? str(text, ", ", plural(skipped_, "scan"), " skipped") : text;
 }
 

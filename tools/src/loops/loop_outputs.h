@@ -9,6 +9,7 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "revisit/loops/loop_detector.h"
 
@@ -22,6 +23,7 @@ class LoopSummary {
   void add(const Detection& found);
   int64_t scans() const { return scans_; }
   int64_t skipped() const { return skipped_; }  ///< scans that could not be described
+  const std::vector<int64_t>& questioned() const { return questioned_; }
   /// "332 scans, 172 loops accepted, 5 more look alike, but their points do not fit"
   std::string text() const;
 
@@ -30,6 +32,7 @@ class LoopSummary {
   std::optional<double> threshold_;
   int64_t scans_ = 0, skipped_ = 0, queried_ = 0, accepted_ = 0, few_entries_ = 0;
   std::map<std::string, int64_t> rejected_;
+  std::vector<int64_t> questioned_;  // frames of loops that later ones call in question
   double best_ = 0;
 };
 

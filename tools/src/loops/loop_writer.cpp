@@ -42,7 +42,8 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
                                   std::pair(loop.has_match_position(), &loop.match_position())})
     for (const double value : {at->x(), at->y(), at->z()})
       cells.push_back(optional_number(given, value, 3));
-  for (const std::string& text : {loop.drive(), loop.rejection(), loop.file()})
+  const std::string questioned = joined(loop.questioned(), " ");
+  for (const std::string& text : {loop.drive(), loop.rejection(), questioned, loop.file()})
     cells.push_back(text);
   return cells;
 }
@@ -51,7 +52,7 @@ Table csv_table() {
   return Table(comma_separated(
       "frame,time,match_drive,match_frame,match_time,similarity,kth_similarity,score,probability,"
       "yaw_deg,accepted,registered,x,y,z,qx,qy,qz,qw,inlier_ratio,mean_squared_distance,here_x,"
-      "here_y,here_z,match_x,match_y,match_z,drive,rejection,file"));
+      "here_y,here_z,match_x,match_y,match_z,drive,rejection,questioned,file"));
 }
 
 /// Removes the quotes that protobuf puts around 64-bit integers.
@@ -98,6 +99,8 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   if (loop.relative_yaw) line.set_yaw_deg(*loop.relative_yaw * 180 / std::numbers::pi);
   line.set_accepted(visit.found.accepted);
   if (const std::string& why = visit.found.rejection; !why.empty()) line.set_rejection(why);
+  for (const int64_t frame : visit.found.questioned)
+    line.add_questioned(static_cast<int32_t>(frame));
   if (!visit.found.registered) return line;
   const Registration& r = *visit.found.registered;
   const Eigen::Vector3d t = r.T_place_query.translation();

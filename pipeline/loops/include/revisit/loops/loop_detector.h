@@ -76,11 +76,10 @@ struct LoopDetectorOptions {
   /// default_target_precision().
   std::optional<double> target_precision;
   bool keep_clouds = true;  // stores points, to register later scans
-  /// Poses of scans are odometry: they measure the motion and reject loops. False for ground truth,
-  /// which must not help to find what it judges: consecutive scans are registered instead.
-  bool odometry = true;
-  /// Loops beyond these limits are rejected. Between two drives it applies after two agreeing
-  /// loops, which relate their worlds. Absent: loops are also not compared with one another.
+  /// Poses of scans are odometry: they measure the motion, and loops beyond these limits are
+  /// rejected. Between two drives the limits apply after two agreeing loops, which relate their
+  /// worlds. Absent: consecutive scans are registered instead, as without poses. Poses then judge
+  /// nothing, e.g. because they are ground truth, which must not help to find what it evaluates.
   std::optional<OdometryGate> odometry_gate = OdometryGate();
   /// Requires few inliers, because free space decides.
   RegistrationOptions registration{.min_inlier_ratio = 0.1};
