@@ -3,16 +3,19 @@
 // Subscribes to sensor_msgs/PointCloud2 on `points`. Publishes
 // geometry_msgs/PoseWithCovarianceStamped on `loops`: the pose of the scan with this stamp in the
 // frame of the matched scan's sensor, place_ID, where ID is the map entry. Only loops verified by
-// registration are published.
+// registration are published. Publishes std_msgs/Header on `questioned`: the stamp of an earlier
+// scan whose loop later ones contradict. Remove that loop from the pose graph.
 #include <revisit/loops/loop_detector.h>
 
 #include <geometry_msgs/msg/pose_with_covariance_stamped.hpp>
 #include <rclcpp/rclcpp.hpp>
 #include <sensor_msgs/msg/point_cloud2.hpp>
+#include <std_msgs/msg/header.hpp>
 
 using namespace revisit;
 using sensor_msgs::msg::PointCloud2;
 using sensor_msgs::msg::PointField;
+using std_msgs::msg::Header;
 using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;
 
 namespace {
@@ -58,6 +61,7 @@ class LoopClosureNode : public rclcpp::Node {
                                    .target_precision = declare_parameter("target_precision", 0.99),
                                    .warn = log});
     loops_ = create_publisher<Pose>("loops", 10);
+    questioned_ = create_publisher<Header>("questioned", 10);
     points_ = create_subscription<PointCloud2>("points", rclcpp::SensorDataQoS(),
                                                [this](PointCloud2::ConstSharedPtr m) { take(*m); });
   }
@@ -66,14 +70,19 @@ class LoopClosureNode : public rclcpp::Node {
   void take(const PointCloud2& message) {
     Detection found;
     try {
-      const double time = rclcpp::Time(message.header.stamp).seconds();
-      found = detector_->take(view_of(cloud_of(message)), {.frame = frame_, .time = time});
+      const rclcpp::Time time(message.header.stamp);
+      found = detector_->take(view_of(cloud_of(message)),
+                              {.frame = time.nanoseconds(), .time = time.seconds()});
     } catch (const revisit::UsageError& error) {  // the next message may be valid
       found.error = error.what();
     }
-    ++frame_;
     if (!found.error.empty()) RCLCPP_WARN(get_logger(), "%s", found.error.c_str());
     if (found.accepted) publish(message, *found.loop, *found.registered);
+    for (const int64_t stamp : found.questioned) {
+      Header out;
+      out.stamp = rclcpp::Time(stamp);
+      questioned_->publish(out);
+    }
   }
 
   void publish(const PointCloud2& message, const Loop& loop, const Registration& r) {
@@ -101,8 +110,8 @@ class LoopClosureNode : public rclcpp::Node {
 
   std::optional<Map> map_;
   std::optional<LoopDetector> detector_;
-  int64_t frame_ = 0;
   rclcpp::Publisher<Pose>::SharedPtr loops_;
+  rclcpp::Publisher<Header>::SharedPtr questioned_;
   rclcpp::Subscription<PointCloud2>::SharedPtr points_;
 };
 

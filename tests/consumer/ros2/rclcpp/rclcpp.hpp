@@ -2,6 +2,7 @@
 // compiled without ROS.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -15,7 +16,10 @@ struct Stamp {};
 class Time {
  public:
   explicit Time(const Stamp& stamp);
+  explicit Time(int64_t nanoseconds);
   double seconds() const;
+  int64_t nanoseconds() const;
+  operator Stamp() const;
 };
 
 struct SensorDataQoS {};

@@ -5,16 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "rclcpp/rclcpp.hpp"
-
-namespace std_msgs::msg {
-
-struct Header {
-  rclcpp::Stamp stamp;
-  std::string frame_id;
-};
-
-}  // namespace std_msgs::msg
+#include "std_msgs/msg/header.hpp"
 
 namespace sensor_msgs::msg {
 
