@@ -9,8 +9,7 @@ that are not registered; matches farther than twice NEAR are incorrect, others i
 numbers of T_world_lidar for each frame. Each place has weight 1 (scores_by_place()). Incorrect matches are
 reweighted to a prior of 10 % correct. The probability is an isotonic regression on the score. Then leaves out each kind of
 surroundings in turn, and counts its matches of probability 0.99.
---pairs gives a drive without poses: listed places and two frames around them are correct; unlisted queries up to --none-before
-have no place.
+--pairs: of a drive without poses; listed places and two frames around them are correct; unlisted queries up to --none-before have none.
 """
 
 import argparse
@@ -31,9 +30,8 @@ def by_place(v, right, here):
     for kind in (True, False):
         centres, of = [], []
         for i in np.flatnonzero(right == kind):
-            near = [k for k, c in enumerate(centres) if np.linalg.norm(c - here[i]) < 5]
-            of.append(near[0] if near else len(centres))
-            if not near:
+            of.append(next((k for k, c in enumerate(centres) if np.linalg.norm(c - here[i]) < 5), len(centres)))
+            if of[-1] == len(centres):
                 centres.append(here[i])
         if of:
             weight[right == kind] = 1 / np.bincount(of)[of]
@@ -48,7 +46,8 @@ def of_poses(file, poses, near, limit):
         if len(line) == 2:
             apart = np.linalg.norm(poses[line['frame'], :3, 3] - poses[line['match_frame'], :3, 3]) / float(near)
             if row['x']:
-                meters, degrees = error_of(line | {'registered': {key: float(row[key]) for key in ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')}}, poses)
+                line['registered'] = {key: float(row[key]) for key in ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')}
+                meters, degrees = error_of(line, poses)
                 apart = 0 if meters <= float(limit) and degrees <= 10 else max(apart, 1.5) if apart < 1 else apart
             if not 1 <= apart <= 2:
                 v, right, here = [*v, float(row['score'])], [*right, apart < 1], [*here, poses[line['frame'], :3, 3]]
@@ -102,8 +101,7 @@ def main():
     for kind, name, (v, right, weight) in drives:
         print(f'// {kind}, {name}: {len(v)} matches, {right.sum()} right; of {weight.sum():.0f} places; right 5 % '
               f'{np.quantile(v[right], .05) if right.any() else np.nan:.2f}; wrong highest {v[~right].max() if (~right).any() else np.nan:.2f}')
-    for block in blocks([drive for *_, drive in drives]):
-        print('{{{:.4f}, {:.4f}, {:.4f}}},'.format(*block))
+    print('\n'.join('{{{:.4f}, {:.4f}, {:.4f}}},'.format(*block) for block in blocks([drive for *_, drive in drives])))
     for left in sorted({kind for kind, *_ in drives}):
         least = threshold(blocks([drive for kind, _, drive in drives if kind != left]))
         v, right, _ = (np.concatenate(each) for each in zip(*(drive for kind, _, drive in drives if kind == left)))
