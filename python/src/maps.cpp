@@ -249,7 +249,7 @@ void bind_loop_detector(nb::module_& module) {
           "map"_a = nb::none(), nb::kw_only(), "drive"_a = "",
           "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = nb::none(),
           "threshold"_a = nb::none(), "target_precision"_a = nb::none(), "keep_clouds"_a = true,
-          "odometry_gate"_a = "2,0.05,0.5",
+          "odometry_gate"_a = "2,0.1,0.5",
           "map: a Map; or the file or server's address of one of ring descriptors, which "
           "open_map() opens; None: a temporary map.\n"
           "drive: name of the drive in the map.\n"

@@ -55,19 +55,19 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
   const Eigen::Vector3d up = (place.pose->linear().col(2) + expected.linear().col(2)).normalized();
   const double height = apart.dot(up);
   return (apart - height * up).norm() > gate_.base + gate_.rate * path ||
-         std::abs(height) > gate_.height + gate_.rate / 5 * path;
+         std::abs(height) > gate_.height + gate_.rate / 20 * path;
 }
 
 /// By consecutive registrations. Their drift was at most 6 % of the path, in height 7 %.
 bool DriveHistory::is_refuted_by_motion(const Position& place,
                                         const Eigen::Isometry3d& T_place_scan) const {
-  constexpr double kWider = 2;  // than the limits for odometry
+  constexpr double kWider = 2;  // than the limits for odometry at first
   if (place.stretch != here_.stretch) return false;
   const double drift = gate_.rate * (here_.path - place.path);
   const Eigen::Vector3d apart =
       (place.pose * T_place_scan).translation() - here_.pose.translation();
-  return apart.head<2>().norm() > kWider * (gate_.base + drift) ||
-         std::abs(apart.z()) > kWider * (gate_.height + drift);
+  return apart.head<2>().norm() > kWider * gate_.base + drift ||
+         std::abs(apart.z()) > kWider * gate_.height + drift;
 }
 
 std::optional<bool> DriveHistory::agree(const FittingLoop& one, const FittingLoop& before) const {
@@ -91,7 +91,7 @@ std::optional<bool> DriveHistory::agree(const FittingLoop& one, const FittingLoo
   }
   const Eigen::Isometry3d error = one.T_place_scan.inverse() * T_place_before *
                                   before.T_place_scan * before.at.pose.inverse() * one.at.pose;
-  return error.translation().head<2>().norm() < gate_.base / 2 + gate_.rate * path &&
+  return error.translation().head<2>().norm() < (gate_.base + gate_.rate * path) / 2 &&
          std::abs(std::atan2(error(1, 0), error(0, 0))) < kYaw + kYawRate * path;
 }
 

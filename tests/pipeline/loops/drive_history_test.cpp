@@ -74,10 +74,10 @@ TEST(DriveHistory, PosesRefuteLoops) {
   const auto is_refuted = [&](int64_t index, double x, double y, double z) {
     return history.is_refuted(place_at(index, 100), Eigen::Isometry3d(Motion(x, y, z)));
   };
-  EXPECT_FALSE(is_refuted(0, 6, 3, 1.4));
-  EXPECT_TRUE(is_refuted(0, 7.1, 0, 0)) << "2 m and 5 % of 100 m";
-  EXPECT_TRUE(is_refuted(0, 0, 0, 1.6)) << "0.5 m and 1 %";
-  EXPECT_TRUE(is_refuted(80, 0, 3.1, 0));
+  EXPECT_FALSE(is_refuted(0, 11, 4, 0.9));
+  EXPECT_TRUE(is_refuted(0, 12.1, 0, 0)) << "2 m and 10 % of 100 m";
+  EXPECT_TRUE(is_refuted(0, 0, 0, 1.1)) << "0.5 m and 0.5 %";
+  EXPECT_TRUE(is_refuted(80, 0, 4.1, 0));
   EXPECT_FALSE(is_refuted(999, 50, 0, 0)) << "of another session";
 }
 
@@ -131,7 +131,7 @@ struct SecondPass {
 
 TEST(DriveHistory, LoopsContradictOneAnother) {
   SecondPass pass;
-  EXPECT_EQ(pass.loop(0, 4), SecondPass::Result()) << "200 m: the gate lets 12 m pass";
+  EXPECT_EQ(pass.loop(0, 4), SecondPass::Result()) << "200 m: the gate lets 22 m pass";
   EXPECT_EQ(pass.loop(1, 0), SecondPass::Result()) << "one against one";
   EXPECT_EQ(pass.loop(2, 0), SecondPass::Result("", SecondPass::Frames{1000}));
   EXPECT_EQ(pass.loop(3, -4), SecondPass::Result("inconsistent", SecondPass::Frames()));
@@ -147,8 +147,8 @@ TEST(DriveHistory, TwoLoopsRelateTheWorldsOfTwoDrives) {
   EXPECT_EQ(pass.loop(0, 30), SecondPass::Result()) << "nothing relates them";
   EXPECT_EQ(pass.loop(40, 0), SecondPass::Result()) << "a single one does not, it may be incorrect";
   EXPECT_EQ(pass.loop(41, 0.5), SecondPass::Result());
-  EXPECT_EQ(pass.loop(81, 8), SecondPass::Result("odometry", SecondPass::Frames()))
-      << "2 m and 5 % of 80 m";
+  EXPECT_EQ(pass.loop(81, 11), SecondPass::Result("odometry", SecondPass::Frames()))
+      << "2 m and 10 % of 80 m";
   EXPECT_EQ(pass.loop(82, 5), SecondPass::Result());
 }
 

@@ -34,7 +34,7 @@ struct LoopsOptions {
   std::optional<double> follow;
   std::optional<bool> verify;  // absent: if the feature and the map allow it
   bool all = false, no_deskew = false, no_verify = false;
-  std::string exclusion_text = to_string(exclusion), keyframes = "all", gate_text = "2,0.05,0.5";
+  std::string exclusion_text = to_string(exclusion), keyframes = "all", gate_text = "2,0.1,0.5";
   std::optional<OdometryGate> gate;
 
   void declare(Options& options);
@@ -91,7 +91,7 @@ void LoopsOptions::declare(Options& options) {
   poses.declare(options);
   options.option("odometry-gate", "BASE,RATE,HEIGHT",
                  "loops may differ from the poses by BASE + RATE * path horizontally and HEIGHT + "
-                 "RATE / 5 * path vertically [m]; none: poses judge no loops (default 2,0.05,0.5)",
+                 "RATE / 20 * path vertically [m]; none: poses judge no loops (default 2,0.1,0.5)",
                  &gate_text);
   declare_output(options);
   options.check([this] { finish(); });

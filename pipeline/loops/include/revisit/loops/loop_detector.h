@@ -51,7 +51,7 @@ void check_keyframes(const std::string& text);
 /// path from the place to the scan.
 struct OdometryGate {
   double base = 2;      // horizontal [m]
-  double rate = 0.05;   // horizontal, per meter of path; vertical a fifth of it
+  double rate = 0.1;   // horizontal, per meter of path; vertically a twentieth of it
   double height = 0.5;  // vertical [m]
 };
 /// "BASE,RATE,HEIGHT", or "none"; throws UsageError for anything else.
