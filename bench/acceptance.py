@@ -71,6 +71,11 @@ def posed(folder, scans='bin', excluded=50, limits=(1, 5)):
     return judged(lines, poses, excluded, limits=limits, excluded_meters=50)[0]
 
 
+def none_correct(scans, excluded, *words):
+    """Counts of a drive without revisits."""
+    return Counter(incorrect=sum(line.get('accepted', False) for line in lines_of(scans, '--exclusion', f'frames={excluded}', *words)))
+
+
 def listed(files):
     places = {}
     for file in files:
@@ -78,12 +83,6 @@ def listed(files):
             for row in csv.DictReader(rows):
                 places.setdefault(int(row['query'][-6:]), []).extend([int(row['place'][-6:])] if row['place'] else [])
     return places
-
-
-def first_lap(folder, excluded, *words):
-    """Counts of a lap without revisits."""
-    lines = lines_of(folder / 'first', '--exclusion', f'frames={excluded}', *words)
-    return Counter(incorrect=sum(line.get('accepted', False) for line in lines))
 
 
 def second_lap(folder, places, *words):
@@ -161,7 +160,7 @@ def drives_of(o):
         sensor = '--sensor', 'ouster-os1-64'
         yield 'NCLT', (140, 0, ''), 'nclt', partial(posed, o.real / 'nclt')
         yield 'Riverside, second lap', (173, 0, ''), 'riverside', partial(second_lap, river, places, *sensor)
-        yield 'Riverside, first lap with itself', (0, 0, ''), 'riverside-first', partial(first_lap, river, 30, *sensor)
+        yield 'Riverside, first lap with itself', (0, 0, ''), 'riverside-first', partial(none_correct, river / 'first', 30, *sensor)
         yield 'walk', (200, 0, ''), 'mid360_walk', partial(posed, o.real / 'mid360_walk', excluded=95, limits=(2.5, 10))
         yield 'greenhouse', (0, 0, ''), 'greenhouse_small', partial(posed, o.real / 'greenhouse_small', limits=(1.5, 10))
     if o.pcd_files:

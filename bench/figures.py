@@ -38,14 +38,11 @@ plt.rcParams.update({'font.size': 9, 'font.family': 'DejaVu Sans', 'axes.spines.
                      'text.color': INK, 'axes.labelcolor': INK, 'xtick.color': INK, 'ytick.color': INK, 'svg.hashsalt': 'revisit'})
 
 
-def chart(function):
-    CHARTS[function.__name__] = function
-    return function
+def register(functions):
+    return lambda function: functions.setdefault(function.__name__, function)
 
 
-def picture(function):
-    PICTURES[function.__name__] = function
-    return function
+chart, picture = register(CHARTS), register(PICTURES)
 
 
 def rows_of(file):

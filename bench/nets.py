@@ -8,10 +8,9 @@ class Net:
     """A chain of layers; the next layer reads the blob `last`."""
 
     def __init__(self, name, n, c, h, w):
-        self.text = f'name: "{name}"\n'
         self.last = 'data'
-        self.text += (f'layer {{ name: "data" type: "Input" top: "data"\n'
-                      f'  input_param {{ shape {{ dim: {n} dim: {c} dim: {h} dim: {w} }} }} }}\n')
+        self.text = (f'name: "{name}"\nlayer {{ name: "data" type: "Input" top: "data"\n'
+                     f'  input_param {{ shape {{ dim: {n} dim: {c} dim: {h} dim: {w} }} }} }}\n')
 
     def layer(self, kind, name, param='', bottoms=None, top=None):
         bottoms = bottoms or [self.last]
@@ -21,9 +20,7 @@ class Net:
         return self.last
 
     def conv(self, name, outputs, kernel, stride=1, pad=0, group=1, bias=True, bottom=None):
-        param = f'num_output: {outputs} kernel_size: {kernel} stride: {stride} pad: {pad} group: {group}'
-        if not bias:
-            param += ' bias_term: false'
+        param = f'num_output: {outputs} kernel_size: {kernel} stride: {stride} pad: {pad} group: {group}' + ' bias_term: false' * (not bias)
         return self.layer('Convolution', name, f'convolution_param {{ {param} }}', [bottom or self.last])
 
     def relu(self):

@@ -30,10 +30,7 @@ namespace {
 using namespace revisit;
 using namespace revisit::bench;
 
-struct Engine {
-  std::string name;
-  MakeSubject make;
-};
+using Engine = std::pair<std::string, MakeSubject>;
 
 std::vector<Engine> engines() {
   return {
@@ -81,7 +78,7 @@ Options parse(int argc, char** argv) {
   options.prototxt = words[0], options.weights = words[1];
   options.engines.assign(words.begin() + 2, words.end());
   if (options.engines.empty())
-    for (const Engine& engine : engines()) options.engines.push_back(engine.name);
+    for (const Engine& engine : engines()) options.engines.push_back(engine.first);
   return options;
 }
 
@@ -198,9 +195,9 @@ int main(int argc, char** argv) try {
   for (const std::string& name : options.engines) {
     const std::vector<Engine> known = engines();
     const auto found = std::find_if(known.begin(), known.end(),
-                                    [&](const Engine& engine) { return engine.name == name; });
+                                    [&](const Engine& engine) { return engine.first == name; });
     if (found == known.end()) throw UsageError(str("no engine '", name, "' in this build"));
-    all.push_back({name, found->make(model, options.setting, input)});
+    all.push_back({name, found->second(model, options.setting, input)});
   }
   measure(all, options.repeat);
   print(options, model, all);
