@@ -215,13 +215,13 @@ void bind_loop_detector(nb::module_& module) {
           "questioned", &Detection::questioned,
           "Frames of earlier scans whose accepted loops this loop and others contradict: remove "
           "them from the pose graph.")
-      .def_ro(
-          "rejection", &Detection::rejection,
-          "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
-          "registration), 'ambiguous', 'no points' (the entry has none), 'registration' "
-          "(points do not fit), 'contradicted' (by free space), 'hidden' (by something near), "
-          "'odometry' (by the poses) or 'inconsistent' (with other loops of the last 30 m); '' if "
-          "accepted.");
+      .def_ro("rejection", &Detection::rejection,
+              "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
+              "registration), 'ambiguous', 'no points' (the entry has none), 'registration' "
+              "(points do not fit), 'contradicted' (by free space), 'hidden' (by something near), "
+              "'odometry' (by the poses or the registered motion) or 'inconsistent' (with other "
+              "loops of the last 30 m); '' if "
+              "accepted.");
   nb::class_<PythonDetector>(
       module, "LoopDetector",
       "Detects loop closures in the scans of one drive, given in order. Every scan is described, "

@@ -472,7 +472,8 @@ TEST(LoopSummary, CountsRejections) {
       "alike for long, 1 more look alike, but their points "
       "do not fit, 1 more look alike, but points of one float in free space of the other, 1 "
       "more look alike, but something near hides the scene, 1 more look alike, but not by the "
-      "poses, 1 more look alike, but other loops contradict them, 1 more look alike, but their "
+      "drive's motion, 1 more look alike, but other loops contradict them, 1 more look alike, but "
+      "their "
       "entries have no readable points, 1 loop contradicted by later ones, 1 scan skipped");
 }
 

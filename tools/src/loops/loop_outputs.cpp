@@ -72,7 +72,7 @@ std::string LoopSummary::text() const {
         std::pair(rejected("registration"), "but their points do not fit"),
         std::pair(rejected("contradicted"), "but points of one float in free space of the other"),
         std::pair(rejected("hidden"), "but something near hides the scene"),
-        std::pair(rejected("odometry"), "but not by the poses"),
+        std::pair(rejected("odometry"), "but not by the drive's motion"),
         std::pair(rejected("inconsistent"), "but other loops contradict them"),
         std::pair(rejected("no points"), "but their entries have no readable points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);

@@ -101,8 +101,8 @@ struct Detection {
   /// "": no loop, or accepted; "score": below the threshold, or too few candidates, not registered.
   /// If loops are registered: "similarity": too low to register; "no points"; "registration": it
   /// does not fit; "contradicted": by free space; "hidden": something near hides a scan;
-  /// "odometry": the poses exclude it; "inconsistent": other loops of the last 30 m do. "ambiguous"
-  /// in any case.
+  /// "odometry": the poses or the registered motion exclude it; "inconsistent": other loops of the
+  /// last 30 m do. "ambiguous" in any case.
   std::string rejection;
   /// Frames of scans of the last 30 m whose accepted loops are called in question: `loop` and
   /// others contradict them. Remove them from the pose graph.
