@@ -72,19 +72,20 @@ Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
   constexpr double kShift = 1;                           // from the expected position [m]
   constexpr double kPoor = 0.6;                          // of the usual inlier ratio
   constexpr double kFree = 0.01;                         // constraint of motions that may slide
+  constexpr double kWrong = 0.25;  // contradiction; of correct motions at most 0.2, else over 0.33
   const auto registered = [&](double yaw, double radius) {
     RegistrationOptions options = options_;
     options.search_radius = std::min(radius, options_.search_radius);
     return register_scans(scan.prepared(), reference_->scan.prepared(), yaw, options);
   };
-  const auto fit_of = [&](const Registration& one) {
-    return one.inlier_ratio -
-           mutual_contradiction(scan.space(), reference_->scan.space(), one.T_place_query);
+  const auto contradiction_of = [&](const Registration& one) {
+    return mutual_contradiction(scan.space(), reference_->scan.space(), one.T_place_query);
   };
   const double usual = inlier_ratios_.empty() ? 0 : median(inlier_ratios_);
   Registration found = registered(*relative_yaw, options_.search_radius);
   const auto compare = [&](const Registration& other) {
-    if (fit_of(other) > fit_of(found)) found = other;
+    if (other.inlier_ratio - contradiction_of(other) > found.inlier_ratio - contradiction_of(found))
+      found = other;
   };
   const double turn = std::remainder(*relative_yaw - yaw_of(before), 2 * std::numbers::pi);
   const double shift = (found.T_place_query.translation() - before * step_).norm();
@@ -93,7 +94,7 @@ Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
   for (int turned = 1; turned < 8 && !was_lost && found.inlier_ratio < kPoor * usual; ++turned)
     compare(registered(yaw_of(before) + turned * std::numbers::pi / 4, options_.search_radius));
   is_lost_ = found.inlier_ratio < kMinInlierRatio;
-  if (is_lost_ || found.constraint < kFree) ++here_.stretch;
+  if (is_lost_ || found.constraint < kFree || contradiction_of(found) > kWrong) ++here_.stretch;
   if (is_lost_)
     accepted_.clear();
   else

@@ -146,7 +146,7 @@ class DriveHistory {
   Eigen::Vector3d step_ = Eigen::Vector3d::Zero();  // from one to the other [m]
   std::optional<Reference> reference_;
   bool is_lost_ = false;  // the motion from the reference is unknown
-  int64_t moved_ = 0;  // number of scans that are no halt
+  int64_t moved_ = 0;     // number of scans that are no halt
   double scale_ = 1;
   std::deque<double> inlier_ratios_;               // of consecutive scans
   std::deque<double> contradictions_;              // of sampled scans in the keyframes before

@@ -80,9 +80,9 @@ void Verification::reject(Candidate& candidate, const std::string& why) const {
 }
 
 /// Points of an entry; absent if it has none or corrupt ones.
-std::optional<Verification::StoredPlace> Verification::stored_place(int64_t id) const {
+std::optional<Verification::PreparedEntry> Verification::prepared_entry(int64_t id) const {
   constexpr size_t kMost = 8;  // half of all candidates are among the last 8
-  const auto known = std::ranges::find(recent_, id, &StoredPlace::id);
+  const auto known = std::ranges::find(recent_, id, &PreparedEntry::id);
   if (known != recent_.end()) {
     std::rotate(recent_.begin(), known, known + 1);
     return recent_.front();
@@ -106,7 +106,7 @@ std::optional<Verification::StoredPlace> Verification::stored_place(int64_t id) 
 std::string Verification::register_entry(const SeenScan& query, bool drives,
                                          Candidate& candidate) const {
   const Loop& loop = candidate.loop;
-  const std::optional<StoredPlace> stored = stored_place(loop.id);
+  const std::optional<PreparedEntry> stored = prepared_entry(loop.id);
   if (!stored) return "no points";
   const auto& [id, mount, place] = *stored;
   Registration found =

@@ -44,7 +44,7 @@ class Verification {
     bool fits = false;  // it is accepted, or would be without DriveHistory::objection()
   };
 
-  struct StoredPlace {
+  struct PreparedEntry {
     int64_t id;
     Eigen::Isometry3d mount;
     SeenScan scan;
@@ -57,7 +57,7 @@ class Verification {
   double unknown_score(const Loop& loop) const;
   void reject(Candidate& candidate, const std::string& why) const;
   Candidate candidate_of(const Loop& loop, const SeenScan& query, bool drives) const;
-  std::optional<StoredPlace> stored_place(int64_t id) const;
+  std::optional<PreparedEntry> prepared_entry(int64_t id) const;
   std::string register_entry(const SeenScan& query, bool drives, Candidate& candidate) const;
   std::string judge(const SeenScan& query, bool drives, Candidate& candidate) const;
   double path_of(const Loop& loop) const;
@@ -68,7 +68,7 @@ class Verification {
   DriveHistory history_;
   mutable std::set<int64_t> corrupt_;  // ids of entries whose points were reported
   mutable std::map<std::string, std::map<int64_t, double>> paths_;  // drive -> index -> path [m]
-  mutable std::deque<StoredPlace> recent_;                          // the last one first
+  mutable std::deque<PreparedEntry> recent_;                        // the last one first
 };
 
 }  // namespace revisit
