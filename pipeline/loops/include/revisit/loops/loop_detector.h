@@ -51,7 +51,7 @@ void check_keyframes(const std::string& text);
 /// path from the place to the scan.
 struct OdometryGate {
   double base = 2;      // horizontal [m]
-  double rate = 0.1;   // horizontal, per meter of path; vertically a twentieth of it
+  double rate = 0.1;    // horizontal, per meter of path; vertically a twentieth of it
   double height = 0.5;  // vertical [m]
 };
 /// "BASE,RATE,HEIGHT", or "none"; throws UsageError for anything else.
@@ -94,9 +94,11 @@ struct Detection {
   /// The most similar entry, or the better fitting one of three. If loops are registered, its score
   /// is Score::kVerified, with the probability for this score.
   std::optional<Loop> loop;
-  /// Registration of `loop`, if it is similar enough.
+  /// Registration of `loop`, if it is similar enough. If it is accepted though it does not fit, an
+  /// accepted loop confirms it, and its information is small in one direction, as along a corridor.
   std::optional<Registration> registered;
-  /// `loop` reaches the threshold, is not ambiguous and, if loops are registered, fits.
+  /// `loop` reaches the threshold, is not ambiguous and, if loops are registered, fits or is
+  /// confirmed by a loop accepted on the last 10 m.
   bool accepted = false;
   /// "": no loop, or accepted; "score": below the threshold, or too few candidates, not registered.
   /// If loops are registered: "similarity": too low to register; "no points"; "registration": it

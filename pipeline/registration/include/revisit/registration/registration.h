@@ -79,8 +79,9 @@ struct Registration {
 
 /// Searches top-down over shifts within `search_radius` and rotations within 3 degrees for the
 /// largest overlap of non-ground points; generalized ICP (Segal, Haehnel and Thrun, RSS 2009)
-/// refines the result. Deterministic and single-threaded. `relative_yaw`: yaw(query) - yaw(place),
-/// CCW [rad]. Throws UsageError for invalid options or an invalid relative_yaw.
+/// refines the result, unless hardly any points coincide. Deterministic and single-threaded.
+/// `relative_yaw`: yaw(query) - yaw(place), CCW [rad]. Throws UsageError for invalid options or an
+/// invalid relative_yaw.
 Registration register_scans(const PreparedScan& query, const PreparedScan& place,
                             double relative_yaw, const RegistrationOptions& options = {});
 
