@@ -284,7 +284,8 @@ def read_scan(file):
 
 
 def loops_of(real, *options):
-    return lines_of(real / 'nclt/bin', '--poses', real / 'nclt/poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'meters=50', *options)
+    return lines_of(real / 'nclt/bin', '--poses', real / 'nclt/poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'meters=50',
+                    '--odometry-gate', 'none', *options)
 
 
 def top_down(axes, clouds, title, reach=42):

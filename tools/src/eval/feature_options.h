@@ -41,8 +41,8 @@ struct FeatureOptions {
   std::string pca;  // components() or a folder, as given
   std::string fit_on = "all";
   double memory_gb = 2;
-  std::string cache;  // folder of the features; "": below the output folder
-  std::string mount;  // unless Scans::kOfDrives: parse_mount(); "": identity
+  std::string cache;     // folder of the features; "": below the output folder
+  std::string mount;     // unless Scans::kOfDrives: parse_mount(); "": identity
   double local_map = 0;  // MapOptions::local_map [m]
   bool quiet = false;
 
