@@ -20,7 +20,7 @@ from scans import simulate
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
 EXCLUDED = 8
 """Number of previous scans that are excluded."""
-LOOPS = ['--exclusion', f'frames={EXCLUDED}', '--threshold', '0.6', '--format', 'jsonl', '-q']
+LOOPS = ['--exclusion', f'frames={EXCLUDED}', '--format', 'jsonl', '-q']
 COMMANDS = {
     'loops': [PROGRAM, 'loops', *LOOPS],
     'build': [PROGRAM, 'map', 'build', '-q'],

@@ -91,12 +91,11 @@ TEST_F(Robots, ShareEntriesWhileDriving) {
     out.close();
     robots.emplace_back([this, robot, list, &found] {
       const std::string result = list.string() + ".csv";
-      const std::string command =
-          std::string("'") + REVISIT_PROGRAM +
-          "' loops - --sensor vlp16 --exclusion frames=25 --warmup 50 --threshold 0.7 -q "
-          "--threads 1 --drive " +
-          std::to_string(robot) + " --map " + map() + " -o '" + result + "' < '" + list.string() +
-          "'";
+      const std::string command = std::string("'") + REVISIT_PROGRAM +
+                                  "' loops - --sensor vlp16 --exclusion frames=25 --warmup 50 -q "
+                                  "--threads 1 --drive " +
+                                  std::to_string(robot) + " --map " + map() + " -o '" + result +
+                                  "' < '" + list.string() + "'";
       EXPECT_EQ(std::system(command.c_str()), 0);
       found[static_cast<size_t>(robot)] = read_file(result);
     });
