@@ -44,8 +44,8 @@ double angle_of(double y, double x) {
 }
 
 int floor_of(double x) {
-  constexpr int kOffset = 1024;  // makes x positive
-  return static_cast<int>(x + kOffset) - kOffset;
+  constexpr int kPositive = 1024;  // makes x positive
+  return static_cast<int>(x + kPositive) - kPositive;
 }
 
 struct Direction {
