@@ -266,8 +266,8 @@ void bind_loop_detector(nb::module_& module) {
           "calibration; None: 0.99 if loops are registered, else 0.95.\n"
           "keep_clouds: store about 20 kB of points with each entry, for registration.\n"
           "odometry_gate: 'BASE,RATE,HEIGHT': loops may differ from the poses by BASE + RATE * "
-          "path "
-          "horizontally and HEIGHT + RATE / 5 * path vertically [m]; 'none': poses judge no loops.")
+          "path horizontally and HEIGHT + RATE / 20 * path vertically [m]; 'none': poses judge no "
+          "loops.")
       .def(
           "take",
           [](PythonDetector& self, PointsArgument points, int64_t frame, std::optional<double> time,

@@ -163,7 +163,7 @@ std::string Verification::judge(const SeenScan& query, bool drives, Candidate& c
   return "";
 }
 
-/// Indices of the entries that show the same place, as far as the views tell.
+/// Indices of the entries whose views look like the same place.
 std::vector<int64_t> Verification::same_place(const Loop& loop) const {
   std::vector<int64_t> entries = map_.around(loop.index, !loop.ambiguous);
   if (loop.ambiguous) {  // only the part of the stretch around it: does the scan fit others, too?

@@ -18,10 +18,11 @@ enum class Score {
   /// on how densely places are stored.
   kDistinctMargin,
   kSimilarity,  // c1, the similarity of the best
-  /// Of a registered loop, by LoopDetector: 0.1 s^2 c1 + L - phi. phi is the contradiction of both
-  /// scans by free space (mutual_contradiction(); 0.5 if they do not fit), s the mean of their
-  /// scales (scene_scale()), L the usual contradiction of consecutive scans. A loop that misses the
-  /// threshold by less than 0.1 s, and agrees with a loop just before, has the threshold.
+  /// Of a registered loop, by LoopDetector: s^2 (0.1 c1 + 0.05 (c1 - ck)) + L - phi. phi is the
+  /// contradiction of both scans by free space (mutual_contradiction(); 0.5 if they are not
+  /// judged), s the mean of their scales (scene_scale()), L the usual contradiction of consecutive
+  /// scans. A loop that misses the threshold by at most 0.2 s, and agrees with a loop just before,
+  /// has the threshold.
   kVerified,
 };
 /// Parses "margin", "distinct-margin", "similarity" or "verified"; throws
