@@ -2,11 +2,13 @@
 
 import numpy as np
 
-from revisit import registration
+from revisit import datasets, registration
 from revisit.recordings import open_recording
 
 DRIVEN_BETWEEN = 50
 """Minimum path length between two visits [m]."""
+CHANGE = np.r_[0.0125, 0.007, 0.004, np.radians([0.11, 0.13, 0.075])]
+"""Change of a car's motion between two scans, 0.1 s apart: standard deviations (t, w) of the poses of KITTI 01 to 10 [m, rad]."""
 
 
 def rotation_vector(R):
@@ -22,6 +24,19 @@ def error_of(found, truth):
     return np.r_[error[:3, 3], rotation_vector(error[:3, :3])]
 
 
+def distorted(points, rng):
+    """Returns a scan [n][3+] that was deskewed by the preceding motion, as if that had differed like a car's."""
+    change = rng.normal(0, CHANGE)
+    angle = np.linalg.norm(change[3:])
+    x, y, z = change[3:] / angle
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    motion = np.eye(4)
+    motion[:3, :3] += np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+    motion[:3, 3] = change[:3]
+    times = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) % 1 * 0.1
+    return datasets.deskew(points, times.astype(np.float32), motion, 0.1)
+
+
 def pairs_of(drive, count, apart=5, seed=1):
     """Returns random pairs (query, place) of a revisit and an earlier visit, up to `apart` meters away."""
     scans = list(open_recording(drive).scans())
@@ -34,13 +49,13 @@ def pairs_of(drive, count, apart=5, seed=1):
 
 
 def registered(pairs, register=registration.register_scans, seed=1):
-    """Yields ground truth and Registration of each pair, with an initial yaw error of 1 degree (standard deviation)."""
+    """Yields ground truth and Registration of pairs of distorted scans, with an initial yaw error of 1 degree (standard deviation)."""
     prepared = {}
     rng = np.random.default_rng(seed)
     for pair in pairs:
         for scan in pair:
             if scan.frame not in prepared:
-                prepared[scan.frame] = registration.PreparedScan(scan.points())
+                prepared[scan.frame] = registration.PreparedScan(distorted(scan.points(), rng))
         query, place = pair
         truth = np.linalg.inv(place.pose) @ query.pose
         turn = np.arctan2(truth[1, 0], truth[0, 0]) + rng.normal(0, np.radians(1))

@@ -62,11 +62,11 @@ class OfASimulatedDrive(unittest.TestCase):
         cls.found = list(registered(cls.pairs))
 
     def test_information_is_consistent(self):
-        """The NEES of consistent estimates has mean 6, within 1 for 50 pairs. docs/SLAM.md has 200 pairs."""
+        """The NEES of consistent estimates has mean 6, within 1 for 50 pairs. docs/RESULTS.md has more."""
         squares = normalized_squares(self.found)
         self.assertEqual(len(self.pairs), 50)
         self.assertGreater(len(squares), 45)
-        self.assertGreater(squares.mean(), 2)
+        self.assertGreater(squares.mean(), 3)
         self.assertLess(squares.mean(), 12)
 
 

@@ -58,9 +58,10 @@ struct Registration {
   /// (sum over patches of g g^T) H^-1 + F. An inlier with the normal n has the residual
   /// r = n . (T q - p) and its Jacobian J; H is the sum of J J^T, and g that of J r in a patch, a
   /// cube of 16 m. Only inliers whose normals agree in both scans count. F, for errors common to
-  /// all patches, has standard deviations of 2 mm and 1e-4 rad. Over 200 simulated pairs the mean
-  /// NEES is within a factor of 2 of the ideal 6 (docs/RESULTS.md). It is worse for real scans
-  /// distorted by motion.
+  /// all patches, has standard deviations of 10 mm and 1e-3 rad: what the acceleration of a car
+  /// during a scan leaves after deskewing. With it the mean NEES is within a factor of 2 of the
+  /// ideal 6 (docs/RESULTS.md); instantaneous scans have smaller errors, scans that are not
+  /// deskewed larger ones.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
 
   double mean_squared_distance = 0;  ///< mean over the inliers [m^2]; 0 without any
