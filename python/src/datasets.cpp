@@ -2,6 +2,7 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <filesystem>
@@ -68,31 +69,56 @@ void bind_datasets(nb::module_& module) {
       "perturbation: comma-separated steps as of `revisit eval --perturb`; None: random "
       "steps, as in training with augmentation.");
   module.def(
-      "read_timed_scan",
+      "read_recorded_scan",
       [](const fs::path& file) {
-        PointCloud cloud = without_lock([&] { return read_scan(file); });
-        std::optional<FloatArray> times;
-        if (!cloud.times.empty()) times = array_of(std::move(cloud.times));
-        return std::pair(array_of(std::move(cloud)), times);
+        PointCloud cloud;
+        RecordedTimes times = without_lock([&] { return read_recorded_scan(file, cloud); });
+        return std::tuple(
+            array_of(std::move(cloud)), times.field,
+            times.field.empty() ? std::nullopt : std::optional(array_of(std::move(times.values))));
       },
       "file"_a,
-      "Reads a scan and the times of its points, float32 [n], relative to the scan's stamp [s]; "
-      "None if the file has none (fields t, time, timestamp, offset_time, point_time_offset).");
-  module.def(
-      "point_times",
-      [](const nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& values,
-         bool nanoseconds, std::optional<double> stamp) -> std::optional<FloatArray> {
-        std::vector<float> times =
-            point_times({values.data(), values.shape(0)}, nanoseconds, stamp);
-        if (times.empty()) return std::nullopt;
-        return array_of(std::move(times));
-      },
-      "values"_a, "nanoseconds"_a, "stamp"_a = nb::none(),
-      "Converts a recording's times of points to seconds relative to the scan's stamp, float32 "
-      "[n].\n\n"
-      "values: float64 [n] in nanoseconds, or in seconds (in nanoseconds from 1e14 on). Values of "
-      "a second or more are relative to `stamp` if it is of the same clock, else to the earliest. "
-      "Returns None if the values cannot be times of one scan.");
+      "Reads a scan, float32 [n][4], and its times of points as recorded: the field's name and "
+      "float64 [n]; '' and None if the file has none. See point_times().");
+  using Values = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+  const auto span_of = [](const Values& values) {
+    return std::span<const double>(values.data(), values.shape(0));
+  };
+  module.attr("POINT_TIME_NAMES") =
+      nb::cast(std::vector<std::string>(std::begin(kPointTimeNames), std::end(kPointTimeNames)));
+  nb::class_<PointTimes>(module, "PointTimes",
+                         "Convention of per-point times, the same for all scans of a recording.")
+      .def(
+          "__init__",
+          [=](PointTimes* self,
+              const std::vector<
+                  std::tuple<std::string, std::optional<Values>, std::optional<double>>>& scans,
+              const std::string& unit, std::optional<double> period) {
+            std::vector<RecordedTimes> recorded;
+            for (const auto& [field, values, stamp] : scans) {
+              recorded.push_back({.field = field, .stamp = stamp});
+              if (!values) continue;
+              const std::span<const double> given = span_of(*values);
+              recorded.back().values.assign(given.begin(), given.end());
+            }
+            new (self) PointTimes(point_times_of(recorded, unit, period));
+          },
+          "scans"_a, "unit"_a = "auto", "period"_a = nb::none(),
+          "Decides from some scans in order: (field, float64 [n] or None, stamp [s] or None).\n\n"
+          "unit: auto, s, ms, us, ns, scan (0 to 1) or none. period [s]: None: from the stamps.")
+      .def_ro("unit", &PointTimes::unit, "Of a value [s]; 0: no times.")
+      .def_ro("text", &PointTimes::text, "What was found, or the reason why there are no times.")
+      .def(
+          "of",
+          [=](const PointTimes& self, const Values& values,
+              std::optional<double> stamp) -> std::optional<FloatArray> {
+            std::vector<float> times = self.of(span_of(values), stamp);
+            if (times.empty()) return std::nullopt;
+            return array_of(std::move(times));
+          },
+          "values"_a, "stamp"_a = nb::none(),
+          "Seconds from the stamp, float32 [n], NaN for invalid values; None if the values cannot "
+          "be times of one scan.");
   module.def(
       "deskew",
       [](PointsArgument points, const GivenFloats& times, PoseArgument T_before_after,

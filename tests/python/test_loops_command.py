@@ -88,7 +88,8 @@ class Streams(FolderTest):
         way[:, 0, 3] = range(3)
         data = write_helipr(self.folder / 'drive', scans, way)
         (first, *_), *parts, (last, *_) = self.stream(data)
-        self.assertEqual((first, last), ({'revisit_scans': 1, 'name': 'drive-Velodyne', 'count': 3, 'warnings': []}, {'end': True}))
+        self.assertEqual((first, last), ({'revisit_scans': 1, 'name': 'drive-Velodyne', 'count': 3, 'warnings': [], 'point_times': 'none'},
+                                         {'end': True}))
         self.assertEqual(len(parts), 3)
         for (line, points, times), scan, expected in zip(parts, scans, recordings.open_recording(data).scans()):
             np.testing.assert_array_equal(points, scan)

@@ -9,6 +9,7 @@ import sqlite3
 import struct
 import tempfile
 import unittest
+import zlib
 from collections import Counter
 from pathlib import Path
 from random import Random
@@ -18,10 +19,10 @@ from unittest import mock
 import numpy as np
 
 import revisit
-from bags import CLOUD, HAVE_ROSBAGS, KINDS, START, message, packed, write_bag
+from bags import CLOUD, HAVE_ROSBAGS, KINDS, START, draco_of, message, packed, write_bag, write_compressed, write_livox
 from revisit import datasets
 from revisit.recordings import bags as reader
-from revisit.recordings import open_recording, packets
+from revisit.recordings import livox, open_recording, packets
 from revisit.recordings.point_cloud2 import points_of
 
 T0 = 1560000000000000000
@@ -105,10 +106,13 @@ def unpacked(cloud):
     reads = [(struct.Struct(order + 'fd'[axis.datatype - 7]), axis.offset) for axis in axes]
     if any(offset + number.size > cloud.point_step for number, offset in reads):
         return None
-    last = (cloud.height - 1) * cloud.row_step + cloud.width * cloud.point_step
-    if (cloud.height > 1 and cloud.row_step < cloud.width * cloud.point_step) or last > len(cloud.data):
+    packed_row, step = cloud.width * cloud.point_step, cloud.row_step
+    fits = cloud.height == 1 or (step >= packed_row and (cloud.height - 1) * step + packed_row <= len(cloud.data))
+    if not fits and len(cloud.data) == cloud.height * packed_row:
+        step = packed_row
+    if (cloud.height > 1 and step < packed_row) or (cloud.height - 1) * step + packed_row > len(cloud.data):
         return None
-    return [[number.unpack_from(cloud.data, row * cloud.row_step + column * cloud.point_step + offset)[0] for number, offset in reads]
+    return [[number.unpack_from(cloud.data, row * step + column * cloud.point_step + offset)[0] for number, offset in reads]
             for row in range(cloud.height) for column in range(cloud.width)]
 
 
@@ -140,21 +144,34 @@ class PointCloud2(unittest.TestCase):
         self.assertEqual(points_of(packed(self.points[:0]))[0].shape, (0, 3))
 
     def test_times_of_points(self):
-        after = np.linspace(0, 0.1, len(self.points))
-        kinds = {'t': (6, '<u4', 1e9), 'time': (7, '<f4', 1), 'timestamp': (8, '<f8', 1e9), 'offset_time': (5, '<i4', 1e9)}
-        for name, (code, number, unit) in kinds.items():
+        values = np.arange(len(self.points))
+        for name, code, number in (('t', 6, '<u4'), ('time', 7, '<f4'), ('time_stamp', 8, '<f8'), ('offset_time', 5, '<i4')):
             cloud = packed(self.points, step=24, height=10, pad=4)
             cloud.fields.append(SimpleNamespace(name=name, offset=16, datatype=code, count=1))
-            values = (after + (START if name == 'timestamp' else 0)) * unit
             rows = cloud.data.reshape(10, -1)
-            at = np.ndarray((10, len(values) // 10), number, rows, 16, (rows.strides[0], 24))
-            at[:] = values.reshape(10, -1)
-            points, times = points_of(cloud, START)
+            np.ndarray((10, len(values) // 10), number, rows, 16, (rows.strides[0], 24))[:] = values.reshape(10, -1)
+            points, times = points_of(cloud)
             np.testing.assert_array_equal(points, self.points)
-            np.testing.assert_allclose(times, after, atol=1e-6, err_msg=name)
+            self.assertEqual(times.field, name)
+            np.testing.assert_array_equal(times.values, values)
         cloud.fields[-1].offset = 22  # ends outside of the point
         self.assertIsNone(points_of(cloud)[1])
         self.assertIsNone(points_of(packed(self.points))[1])
+
+    def test_seconds_and_nanoseconds_are_one_time(self):
+        cloud = packed(self.points, step=24)
+        cloud.fields += [SimpleNamespace(name=f'timestamp{unit}', offset=offset, datatype=6, count=1)
+                         for unit, offset in (('Sec', 16), ('Nsec', 20))]
+        cloud.data.reshape(-1, 24)[:, 16:].view('<u4')[:] = START, 250
+        np.testing.assert_array_equal(points_of(cloud)[1].values, [START * 10**9 + 250] * len(self.points))
+        del cloud.fields[-1]
+        self.assertIsNone(points_of(cloud)[1])
+
+    def test_the_size_may_determine_the_rows(self):
+        for height, row in ((10, 0), (10, 7), (10, 2**32 - 1), (1, 0), (1, 5)):
+            cloud = packed(self.points, height=height)
+            cloud.row_step = row
+            np.testing.assert_array_equal(points_of(cloud)[0], self.points)
 
     def test_invalid_messages_are_rejected(self):
         def wrong(says, **change):
@@ -167,7 +184,7 @@ class PointCloud2(unittest.TestCase):
         wrong('field y: .* found int32', fields=packed(self.points, types='fif').fields)
         wrong('ends at byte 12, beyond point_step 10', point_step=10)
         wrong('found 3100 bytes', data=packed(self.points).data[:3100])
-        wrong('rows of 5', row_step=5)
+        wrong('rows of 5', row_step=5, data=packed(self.points, pad=1, height=2).data)
 
     def test_random_messages_are_read_as_by_struct(self):
         random, outcomes = Random(1), Counter()
@@ -199,6 +216,58 @@ class Bags(Folders):
                 self.assertEqual([scan.frame for scan in scans], [0, 1, 2, 3])
                 for scan, cloud in zip(scans, self.clouds):
                     self.assertEqual(scan.points().tobytes(), cloud.tobytes())
+
+    def test_livox_messages(self):
+        tags = {0: True, 0b01: False, 0b0100: False, 0b10: True, 0b110000: True}
+        for ros1 in (True, False):
+            for package in livox.PACKAGES:
+                path = write_livox(self.folder, ros1, package, self.clouds, [*tags] * 40)
+                recording = open_recording(path)
+                self.assertEqual(recording.point_times, 'field offset_time, ns of the clock of the stamps')
+                for scan, cloud in zip(recording.scans(), self.clouds):
+                    points, times = scan.read()
+                    normal = np.array([*tags.values()] * 40)
+                    np.testing.assert_array_equal(points[normal], cloud[normal])
+                    self.assertTrue(np.isnan(points[~normal]).all())
+                    np.testing.assert_allclose(times, np.arange(200) * 5e-4, atol=1e-6)
+
+    def test_compressed_clouds(self):
+        from rosbags.rosbag2.reader import zstd
+        formats = {'zlib': zlib.compress, 'zstd': zstd.compress, 'draco': draco_of if have('DracoPy') else None}
+        t = (np.arange(200) * 500000).astype(np.uint32)
+        for name, compress in formats.items():
+            path = self.folder / name
+            if compress is None:
+                path = write_compressed(path, name, self.clouds, t, lambda data: data)
+                with self.assertRaisesRegex(revisit.Error, 'pip install DracoPy'):
+                    list(open_recording(path).scans())[0].read()
+                continue
+            recording = open_recording(write_compressed(path, name, self.clouds, t, compress))
+            self.assertEqual(recording.point_times, 'field t, ns')
+            for scan, cloud in zip(recording.scans(), self.clouds):
+                points, times = scan.read()
+                np.testing.assert_array_equal(points, cloud)
+                np.testing.assert_allclose(times, t * 1e-9, atol=1e-6)
+        for name, compress, says in (('lzma', bytes, 'expected draco, zlib or zstd'), ('zstd', lambda data: b'x' * 200, 'as zstd'),
+                                     ('zlib', lambda data: b'', 'decompression bomb'), ('zlib', lambda data: zlib.compress(data[:9]), '9 bytes')):
+            [scan, *_] = open_recording(write_compressed(self.folder / f'bad_{name}_{says[:2]}', name, self.clouds, t, compress)).scans()
+            with self.assertRaisesRegex(revisit.InputError, says):
+                scan.read()
+
+    def test_point_times_have_one_convention(self):
+        after = np.arange(200) * 5e-4
+        path = write_bag(self.folder, 'mcap', {'/points': [packed(cloud, step=24) for cloud in self.clouds]},
+                         times=lambda frame: after / after[-1] if frame else np.full(200, frame))
+        recording = open_recording(path)
+        self.assertEqual(recording.point_times, 'field time, 0 to 1 of a scan of 100 ms')
+        self.assertIsNone(next(recording.scans()).read()[1])
+        times = [scan.read()[1] for scan in recording.scans()][1:]
+        np.testing.assert_allclose(times, [after / after[-1] * 0.1] * 3, atol=1e-6)
+        for unit, last in (('s', 1), ('none', None)):
+            times = [scan.read()[1] for scan in open_recording(path, point_times=unit).scans()][1]
+            self.assertEqual(times is None or times[-1], True if last is None else last)
+        with self.assertRaisesRegex(revisit.UsageError, 'expected auto, s, ms'):
+            open_recording(path, point_times='minutes')
 
     def test_without_a_stamp_the_time_of_recording_counts(self):
         path = write_bag(self.folder, 'ros1', {'/points': [packed(cloud) for cloud in self.clouds]}, stamped=False)

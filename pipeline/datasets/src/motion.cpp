@@ -1,14 +1,11 @@
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "revisit/datasets/scan_file.h"
 
 namespace revisit {
 namespace {
 
-constexpr double kMaxScan = 1;      // [s]
-constexpr double kStraight = 1e-9;  // [rad], smaller rotations are ignored
+constexpr double kStraight = 1e-9;  // [rad]; smaller rotations are ignored
 
 Eigen::Matrix3d cross_product(const Eigen::Vector3d& v) {
   Eigen::Matrix3d cross;
@@ -47,34 +44,6 @@ std::function<Eigen::Isometry3d(double time)> constant_velocity(
     T.translation() = arc(axis, angle) * velocity * time;
     return T;
   };
-}
-
-std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
-                               std::optional<double> stamp) {
-  constexpr double kNanoseconds = 1e14;
-  double first = std::numeric_limits<double>::infinity(), last = -first;
-  const auto largest = std::ranges::max_element(values);
-  if (largest == values.end()) return {};
-  const double unit = nanoseconds || *largest >= kNanoseconds ? 1e-9 : 1;
-  const bool of_clock = *largest * unit > kMaxScan;
-  for (const double value : values) {
-    if (!std::isfinite(value)) return {};
-    if (of_clock && value == 0) continue;
-    first = std::min(first, value);
-    last = std::max(last, value);
-  }
-  double zero = 0;
-  if (of_clock) {
-    const bool same_clock = stamp && std::abs(first * unit - *stamp) <= kMaxScan;
-    zero = same_clock ? *stamp / unit : first;
-  }
-  if (!(last > first) || std::max(std::abs(first - zero), std::abs(last - zero)) * unit > kMaxScan)
-    return {};
-  std::vector<float> times;
-  times.reserve(values.size());
-  for (const double value : values)
-    times.push_back(of_clock && value == 0 ? 0 : static_cast<float>((value - zero) * unit));
-  return times;
 }
 
 void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud) {

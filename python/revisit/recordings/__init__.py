@@ -8,7 +8,7 @@ from pathlib import Path
 
 from revisit.errors import InputError, UsageError
 from revisit.recordings import bags, data_sets, folders, kitti_360, nuscenes, packets
-from revisit.recordings.recording import Reader, Recording, Scan
+from revisit.recordings.recording import Reader, Recording, Scan, with_point_times
 
 __all__ = ['READERS', 'Reader', 'Recording', 'Scan', 'open_recording']
 
@@ -27,14 +27,17 @@ READERS = [
 """Order of detection. The last accepts any folder: KITTI's layout, and .bin, .pcd and .ply files."""
 
 
-def open_recording(path, *, sequence='') -> Recording:
+def open_recording(path, *, sequence='', point_times='auto') -> Recording:
     """Opens the recording at `path` by the first reader that detects it.
 
     sequence: of a data set with several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster); topic of a bag with several of
-    PointCloud2.
+    PointCloud2. point_times: unit of the times of points: auto, s, ms, us, ns, scan (0 to 1 of a scan), or none.
     Raises InputError with the path, Error with the name of a missing package.
     """
-    path = Path(path)
+    return with_point_times(open_reader(Path(path), sequence), point_times)
+
+
+def open_reader(path, sequence):
     if not path.exists():
         raise InputError(f'{path}: no such file or folder')
     if path.name in ('', '..'):  # the folder gives the drive's name, which locates KITTI-360's poses

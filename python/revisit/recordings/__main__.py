@@ -24,10 +24,12 @@ def positive(text):
 def add_options(parser):
     """Declares the options of open_recording()."""
     parser.add_argument('--sequence', default='', help='sequence of a data set that has several: 00, scene-0061, Ouster; topic of a bag')
+    parser.add_argument('--point-times', default='auto', choices=('auto', 's', 'ms', 'us', 'ns', 'scan', 'none'),
+                        help='unit of the times of points; scan: 0 to 1 of a scan (default: found)')
 
 
 def open_given(o) -> Recording:
-    return open_recording(o.data, sequence=o.sequence)
+    return open_recording(o.data, sequence=o.sequence, point_times=o.point_times)
 
 
 def write(out, content, *arrays):
@@ -55,9 +57,12 @@ def write_scan(out, scan: Scan, headers: bool):
 
 
 def stream(o, out, headers):
+    if headers:
+        o.point_times = 'none'
     recording = open_given(o)
     count = recording.count and -(-recording.count // o.every)
-    write(out, {'revisit_scans': VERSION, 'name': recording.name, 'count': count, 'warnings': recording.warnings})
+    write(out, {'revisit_scans': VERSION, 'name': recording.name, 'count': count, 'warnings': recording.warnings,
+                'point_times': recording.point_times})
     for scan in recording.scans():
         if scan.frame % o.every == 0:
             write_scan(out, scan, headers)

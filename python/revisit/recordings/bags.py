@@ -10,13 +10,17 @@ import sys
 import types
 
 from revisit.errors import Error, InputError, UsageError
+from revisit.recordings import compressed, livox
 from revisit.recordings.point_cloud2 import fields_of, points_of
 from revisit.recordings.recording import Recording, Scan, package
 
 ENDINGS = ('.bag', '.db3', '.mcap')
 CLOUD = 'sensor_msgs/msg/PointCloud2'
 REPAIRED_BY = {'index': 'rosbag reindex', 'end magic': 'mcap recover', 'malformed': 'sqlite3 FILE .recover'}
-CLOUDS = (CLOUD, 'sensor_msgs/PointCloud2')
+READS = {CLOUD: points_of, compressed.COMPRESSED: lambda message: points_of(compressed.decompressed(message)),
+         **{f'{name}/msg/CustomMsg': livox.points_of_custom for name in livox.PACKAGES}}
+"""Types of messages with points."""
+CLOUDS = (*READS, *(name.replace('/msg/', '/') for name in READS))
 
 
 MAX_UNPACKED = 1 << 28
@@ -141,19 +145,19 @@ def opened(path):
 
 
 def choose(path, readers, topic):
-    """Returns the requested topic ('': none), or the only one of PointCloud2."""
+    """Returns the requested topic ('': none), or the only one of clouds."""
     connections = [connection for reader in readers for connection in reader.connections]
     clouds = [connection for connection in connections if connection.msgtype in CLOUDS]
     topics = sorted({connection.topic for connection in clouds})
     if topic and topic not in topics:
-        raise UsageError(f'{path}: no topic {topic} of PointCloud2 (found {", ".join(topics) or "none"})')
+        raise UsageError(f'{path}: no topic {topic} of clouds (found {", ".join(topics) or "none"})')
     if not topics:
         others = ', '.join(sorted({f'{c.topic} ({c.msgtype})' for c in connections})) or 'none'
-        raise InputError(f'{path}: no topic of PointCloud2 (sensor_msgs); topics: {others}')
+        raise InputError(f'{path}: no topic of PointCloud2, CompressedPointCloud2 or Livox\'s CustomMsg; topics: {others}')
     if not topic:
         topics = [name for name in topics if any(c.topic == name and c.msgcount != 0 for c in clouds)] or topics
         if len(topics) > 1:
-            raise UsageError(f'{path}: several topics of PointCloud2; choose one of {", ".join(topics)} with --sequence')
+            raise UsageError(f'{path}: several topics of clouds; choose one of {", ".join(topics)} with --sequence')
     return topic or topics[0]
 
 
@@ -167,24 +171,37 @@ def is_ros1(connection):
 
 
 def messages(path, topic):
-    """Yields (receive time [s], is ROS 1, bytes), ordered by time over all files."""
+    """Yields (receive time [s], is ROS 1, type, bytes), ordered by time over all files."""
     with errors_of(path), opened(path) as readers:
         of = [reader.messages(connections=connections_of(reader, topic)) for reader in readers if connections_of(reader, topic)]
         for connection, nanoseconds, data in heapq.merge(*of, key=lambda message: message[1]):
-            yield nanoseconds * 1e-9, is_ros1(connection), data
+            yield nanoseconds * 1e-9, is_ros1(connection), connection.msgtype, data
 
 
 @functools.cache
 def store_of(ros1):
-    from rosbags.typesys import Stores, get_typestore
-    return get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+    for name, definition in (livox.DEFINITIONS | compressed.DEFINITIONS).items():
+        store.register(get_types_from_msg(definition, name))
+    return store
 
 
-def decode(path, ros1, data):
-    """Returns the message, by ROS's definition (unchanged since 2009) instead of the bag's."""
+def type_of(kind):
+    """Returns the name of a type in ROS 2's form, of Livox's message that of one package."""
+    name = kind if '/msg/' in kind else kind.replace('/', '/msg/')
+    return livox.CUSTOM if READS[name] is livox.points_of_custom else name
+
+
+def decode(path, ros1, kind, data):
+    """Returns the message, by the published definition (PointCloud2's is unchanged since 2009) instead of the bag's."""
     with errors_of(path):
         store = store_of(ros1)
-        return (store.deserialize_ros1 if ros1 else store.deserialize_cdr)(data, CLOUD)
+        return (store.deserialize_ros1 if ros1 else store.deserialize_cdr)(data, type_of(kind))
+
+
+def read(path, ros1, kind, data):
+    return READS[type_of(kind)](decode(path, ros1, kind, data))
 
 
 def time_of(path, recorded, ros1, data):
@@ -197,24 +214,29 @@ def time_of(path, recorded, ros1, data):
     return seconds + nano * 1e-9 or recorded
 
 
+def size_of(message):
+    return message.point_num if hasattr(message, 'point_num') else message.width * message.height
+
+
 def open_bag(path, topic) -> Recording:
     with errors_of(path), opened(path) as readers:
         topic = choose(path, readers, topic)
         count = sum(connection.msgcount for reader in readers for connection in connections_of(reader, topic))
     decoded = (decode(path, *message) for _, *message in messages(path, topic))
-    with_points = next((message for message in decoded if message.width * message.height), None)
+    with_points = next((message for message in decoded if size_of(message)), None)
     if with_points is None:
         raise InputError(f'{path}: topic {topic} has no messages with points')
     try:
-        fields_of(with_points)  # fails before any scan is described
+        if hasattr(with_points, 'fields'):
+            fields_of(with_points)  # fails before any scan is described
     except InputError as error:
         raise InputError(f'{path}: {topic}: {error}') from None
 
     def scans():
         frame = -1
-        for frame, (recorded, ros1, data) in enumerate(messages(path, topic)):
+        for frame, (recorded, ros1, kind, data) in enumerate(messages(path, topic)):
             time = time_of(path, recorded, ros1, data)
-            yield Scan(frame, time, None, lambda ros1=ros1, data=data, time=time: points_of(decode(path, ros1, data), time),
+            yield Scan(frame, time, None, lambda ros1=ros1, kind=kind, data=data: read(path, ros1, kind, data),
                        f'{path}, frame {frame}')
         if frame + 1 < count:
             raise InputError(f"{path}: {topic}: expected {count} messages by the bag's index, found {frame + 1}; the bag is corrupted")

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from revisit.datasets import open_dataset, read_timed_scan, time_in_name
+from revisit.datasets import open_dataset, read_recorded_scan, time_in_name
 from revisit.errors import InputError
 from revisit.poses import in_kitti_world, read_extrinsic
-from revisit.recordings.recording import Scan, recording_of, time_names, times_of
+from revisit.recordings.recording import RecordedTimes, Scan, recording_of, time_of_points
 
 
 def detects(path):
@@ -17,6 +17,11 @@ def detects_npy(path):
     return '.npy' in endings and not endings & {'.bin', '.pcd', '.ply'}
 
 
+def read_file(file):
+    points, field, values = read_recorded_scan(file)
+    return points, RecordedTimes(field, values) if field else None
+
+
 def open_scans(path, sequence):
     dataset = open_dataset(path, sequence)
     scans = dataset.scans
@@ -24,7 +29,7 @@ def open_scans(path, sequence):
     extrinsic = read_extrinsic(calibration) if dataset.has_poses and calibration.is_file() else None
     return recording_of(dataset.sequence or dataset.name, [
         Scan(scan.frame, scan.time, None if scan.pose is None else in_kitti_world(scan.pose, 'camera', extrinsic),
-             lambda file=scan.file: read_timed_scan(file), str(scan.file)) for scan in scans], dataset.warnings)
+             lambda file=scan.file: read_file(file), str(scan.file)) for scan in scans], dataset.warnings)
 
 
 def read_npy(file):
@@ -40,8 +45,8 @@ def read_npy(file):
         raise InputError(f'{file}: expected one array, found an archive')
     times = None
     if points.dtype.names and points.ndim == 1:
-        fields = [points[name] for name in time_names(points.dtype.names)]
-        times = next((times_of(field) for field in fields if field.ndim == 1 and field.dtype.kind in 'iuf'), None)
+        times = time_of_points(points.dtype.names,
+                               lambda name: points[name] if points[name].ndim == 1 and points[name].dtype.kind in 'iuf' else None)
     if points.dtype.names and {'x', 'y', 'z'} <= set(points.dtype.names) and points.ndim == 1:
         points = np.stack([points[axis] for axis in 'xyz'], -1)
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind != 'f':

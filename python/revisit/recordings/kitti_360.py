@@ -4,7 +4,7 @@ from datetime import datetime, timezone
 
 import numpy as np
 
-from revisit.datasets import read_timed_scan
+from revisit.datasets import read_scan
 from revisit.errors import InputError, UsageError
 from revisit.poses import in_kitti_world, matrix_of, table_of
 from revisit.recordings.recording import Scan, files_in, recording_of
@@ -76,7 +76,7 @@ def open_kitti_360(path, sequence):
         frame = int(file.stem)
         if times is not None and frame >= len(times):
             raise InputError(f'{drive}: expected a time for frame {frame} ({file.name}), found {len(times)} times in timestamps.txt')
-        scans.append(Scan(frame, times and times[frame], poses.get(frame), lambda file=file: read_timed_scan(file), str(file)))
+        scans.append(Scan(frame, times and times[frame], poses.get(frame), lambda file=file: (read_scan(file), None), str(file)))
     lost = sum(scan.pose is None for scan in scans)
     warnings = [f'{lost} of {len(scans)} scans have no pose'] if poses and lost else []
     return recording_of(drive.name, scans, warnings)

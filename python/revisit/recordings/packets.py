@@ -3,7 +3,7 @@
 import numpy as np
 
 from revisit.errors import Error, InputError
-from revisit.recordings.recording import Recording, Scan, package, times_of
+from revisit.recordings.recording import RecordedTimes, Recording, Scan, package
 
 
 def metadata_of(path):
@@ -56,7 +56,7 @@ def open_ouster(path) -> Recording:
                 stamps = np.asarray(frame.timestamp)[np.asarray(frame.status) & 1 == 1]
                 since = (np.asarray(frame.timestamp).astype(np.int64) - int(stamps[0]) if len(stamps) else np.zeros(frame.w))[None]
                 yield (stamps[0] * 1e-9 if len(stamps) else None, tables[info.sn](frame)[seen].astype(np.float32),
-                       times_of(np.broadcast_to(since, seen.shape)[seen]))
+                       RecordedTimes('timestamp', np.broadcast_to(since, seen.shape)[seen]))
                 break  # only the first sensor
 
     return from_iterator(path, frames)
@@ -68,6 +68,6 @@ def open_velodyne(path) -> Recording:
 
     def frames():
         for stamp, points in decoder.read_pcap(str(path)):
-            yield float(getattr(stamp, 'host', stamp)), points, times_of(points[:, decoder.PointField.time])
+            yield float(getattr(stamp, 'host', stamp)), points, RecordedTimes('time', points[:, decoder.PointField.time])
 
     return from_iterator(path, frames)

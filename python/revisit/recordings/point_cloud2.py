@@ -3,7 +3,7 @@
 import numpy as np
 
 from revisit.errors import InputError
-from revisit.recordings.recording import time_names, times_of
+from revisit.recordings.recording import time_of_points
 
 FLOATS = {7: 'f4', 8: 'f8'}
 TYPES = {1: 'int8', 2: 'uint8', 3: 'int16', 4: 'uint16', 5: 'int32', 6: 'uint32', 7: 'float32', 8: 'float64'}
@@ -29,19 +29,18 @@ def fields_of(message):
     return found
 
 
-def time_field(message):
-    """Returns offset [bytes] and dtype of the time of a point, or None."""
-    for name in time_names([field.name for field in message.fields]):
-        for field in message.fields:
-            if field.name == name and field.count <= 1 and field.datatype in TYPES:
-                number = np.dtype(TYPES[field.datatype]).newbyteorder('>' if message.is_bigendian else '<')
-                if field.offset + number.itemsize <= message.point_step:
-                    return field.offset, number
-    return None
+def row_step_of(message):
+    """Returns the bytes of a row. Drivers may leave row_step unset, or set it to nonsense, where the size determines it."""
+    packed = message.width * message.point_step
+    if message.height == 1:
+        return packed
+    if message.row_step < packed or (message.height - 1) * message.row_step + packed > len(message.data):
+        return packed if len(message.data) == message.height * packed else message.row_step
+    return message.row_step
 
 
-def points_of(message, stamp=None):
-    """Returns points, float32 [n][3], and their times relative to the stamp, float32 [n] [s], or None.
+def points_of(message):
+    """Returns points, float32 [n][3], and RecordedTimes or None.
 
     message: of rosbags or ROS. NaN is kept; an organized cloud is read row by row. Points are not copied if x, y, z are
     float32 in native byte order, evenly spaced, and rows have no padding. Raises InputError for a truncated message.
@@ -50,17 +49,25 @@ def points_of(message, stamp=None):
     if width * height == 0:  # some drivers omit the fields of an empty cloud
         return np.empty((0, 3), np.float32), None
     fields = fields_of(message)
-    row = message.row_step if height > 1 else width * step  # drivers may leave row_step unset for one row
+    row = row_step_of(message)
     data = np.frombuffer(message.data, np.uint8)
     if row < width * step or (height - 1) * row + width * step > data.size:
         raise InputError(f'PointCloud2: expected {height} x {width} points of {step} bytes in rows of {row}, found {data.size} bytes')
+
+    def column(offset, number):
+        return np.ndarray((height, width), number, data, offset, (row, step))
+
+    def values_of(name):
+        for field in message.fields:
+            if field.name == name and field.count <= 1 and field.datatype in TYPES:
+                number = np.dtype(TYPES[field.datatype]).newbyteorder('>' if message.is_bigendian else '<')
+                return column(field.offset, number) if field.offset + number.itemsize <= step else None
+        return None
+
     (x, number), (y, of_y), (z, of_z) = fields
     if number == of_y == of_z and y - x == z - y > 0:
-        shape, strides = (height, width, 3), (row, step, y - x)
-        points = np.ndarray(shape, number, data, x, strides)
+        points = np.ndarray((height, width, 3), number, data, x, (row, step, y - x))
     else:
-        points = np.stack([np.ndarray((height, width), of, data, offset, (row, step)) for offset, of in fields], -1)
-    times = None
-    if of_time := time_field(message):
-        times = times_of(np.ndarray((height, width), of_time[1], data, of_time[0], (row, step)), stamp)
+        points = np.stack([column(offset, of) for offset, of in fields], -1)
+    times = time_of_points([field.name for field in message.fields], values_of)
     return points.reshape(-1, 3).astype(np.float32, copy=False), times

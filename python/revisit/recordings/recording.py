@@ -1,18 +1,26 @@
 """Interface of readers: scans with frame, time and pose, whose points are read on demand."""
 
+import contextlib
 import importlib
+import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from revisit.datasets import point_times
+from revisit.datasets import POINT_TIME_NAMES, PointTimes
 from revisit.errors import Error, InputError
 
 
-POINT_TIMES = ('t', 'time', 'timestamp', 'offset_time', 'point_time_offset')
-"""Names of fields with times of points, in the order of preference."""
+SHOWN, READ = 20, 4
+"""First scans whose stamps, and whose points, show the convention of times of points."""
+
+
+class RecordedTimes(NamedTuple):
+    field: str
+    values: np.ndarray
+    """[n], integers or floating-point numbers."""
 
 
 class Scan(NamedTuple):
@@ -23,8 +31,9 @@ class Scan(NamedTuple):
     pose: np.ndarray | None
     """T_world_lidar, float64 [4][4], in KITTI's world; see revisit.poses."""
     read: Callable[[], tuple[np.ndarray, np.ndarray | None]]
-    """Reads points, float32 [n][3 or more] in the lidar's frame [m], possibly a view, and their times relative to the scan's
-    stamp, float32 [n] [s]; None without times. Raises InputError if the data is not a scan."""
+    """Reads points, float32 [n][3 or more] in the lidar's frame [m], possibly a view, and their times, or None. Of
+    open_recording(): float32 [n] [s], relative to the scan's stamp; of a reader: RecordedTimes. Raises InputError if the data
+    is not a scan."""
     source: str
     """For messages: the file, or the bag and the frame."""
 
@@ -40,6 +49,8 @@ class Recording(NamedTuple):
     scans: Callable[[], Iterator[Scan]]
     """Iterates from the first scan at every call. Raises InputError if the recording ends within a scan."""
     warnings: list[str] = []
+    point_times: str = ''
+    """Convention of the times of points that was found, or the reason why there are none."""
 
 
 class Reader(NamedTuple):
@@ -58,14 +69,59 @@ def package(name, install, what):
         raise Error(f'{what} needs the package {install}: pip install {install} ({error})') from None
 
 
-def time_names(names) -> list[str]:
-    """Returns the names in POINT_TIMES. With a field s, t is a texture coordinate."""
-    return [name for name in POINT_TIMES if name in names and not (name == 't' and 's' in names)]
+def time_of_points(names, values_of) -> RecordedTimes | None:
+    """Returns the first of POINT_TIME_NAMES that has values. With a field s, t is a texture coordinate.
+
+    values_of(name): the field's values; None if it cannot be a time.
+    """
+    for name in POINT_TIME_NAMES:
+        if name not in names or (name == 't' and 's' in names):
+            continue
+        values = values_of(name)
+        if name == 'timestampSec':
+            nano = values_of('timestampNsec') if 'timestampNsec' in names else None
+            values = None if values is None or nano is None else values.astype(np.int64) * 10**9 + nano.astype(np.int64)
+        if values is not None:
+            return RecordedTimes(name, values.ravel())
+    return None
 
 
-def times_of(values, stamp=None):
-    """Converts a recording's times of points, integer or floating-point, by revisit.datasets.point_times()."""
-    return point_times(values.astype(np.float64).ravel(), values.dtype.kind != 'f', stamp)
+def samples_of(recording):
+    """Yields field, times and stamp of the first scans: what shows the convention of times of points."""
+    read = timed = 0
+    with contextlib.suppress(InputError):  # raised again by the pass
+        for scan in itertools.islice(recording.scans(), SHOWN):
+            times = None
+            if read < READ:
+                with contextlib.suppress(InputError):
+                    times = scan.read()[1]
+                    read += 1
+                    timed += times is not None
+            elif not timed:
+                return
+            yield ('', None, scan.time) if times is None else (times.field, times.values.astype(np.float64), scan.time)
+
+
+def with_point_times(recording, unit='auto') -> Recording:
+    """Converts the times of points to seconds from the stamps, by one convention for the recording; drops points with invalid times.
+
+    unit: auto, s, ms, us, ns, scan (0 to 1) or none.
+    """
+    convention = PointTimes([] if unit == 'none' else list(samples_of(recording)), unit)
+
+    def converted(scan):
+        points, recorded = scan.read()
+        times = recorded and convention.of(recorded.values.astype(np.float64), scan.time)
+        if times is None:
+            return points, None
+        valid = np.isfinite(times)
+        return (points, times) if valid.all() else (points[valid], times[valid])
+
+    def scans():
+        for scan in recording.scans():
+            yield scan._replace(read=lambda scan=scan: converted(scan))
+
+    return recording._replace(scans=scans, point_times=convention.text)
 
 
 def recording_of(name, scans, warnings=()) -> Recording:
@@ -106,4 +162,4 @@ def read_records(file, record):
     """Reads points of records that begin with x, y, z as float32: a view, float32 [n][3]. Times are the field `time`, if any."""
     records = records_of(file, record)
     points = np.ndarray((len(records), 3), '<f4', records, strides=(record.itemsize, 4))
-    return points, times_of(records['time']) if 'time' in record.names else None
+    return points, RecordedTimes('time', records['time']) if 'time' in record.names else None

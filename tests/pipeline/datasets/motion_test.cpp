@@ -66,27 +66,6 @@ TEST(Motion, NoPointMovesByAMotionThatCannotGoOn) {
   EXPECT_NEAR(cloud.points[0].x, 10.8, 1e-5);
 }
 
-TEST(Motion, TimesCountFromTheStamp) {
-  using Times = std::vector<float>;
-  const std::vector<double> seconds = {-0.05, 0, 0.0625}, nano = {0, 5e7, 1e8};
-  EXPECT_EQ(point_times(seconds, false), (Times{-0.05F, 0, 0.0625F}));
-  EXPECT_EQ(point_times(nano, true), (Times{0, 0.05F, 0.1F}));
-  // Absolute times: of the stamp's clock, of another, without a stamp. No return: 0.
-  const std::vector<double> absolute = {0, 1.7e9 + 0.25, 1.7e9 + 0.3125};
-  EXPECT_EQ(point_times(absolute, false, 1.7e9 + 0.3125), (Times{0, -0.0625F, 0}));
-  EXPECT_EQ(point_times(absolute, false, 5.0), (Times{0, 0, 0.0625F}));
-  EXPECT_EQ(point_times(absolute, false), (Times{0, 0, 0.0625F}));
-  const std::vector<double> livox = {1.7e18, 1.7e18 + 62500096};  // float64 with nanoseconds
-  const Times of_livox = point_times(livox, false, 1.7e9);
-  ASSERT_EQ(of_livox.size(), 2);
-  EXPECT_NEAR(of_livox[1], 0.0625, 1e-6);
-  // Times that cannot belong to one scan.
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  for (const std::vector<double>& values : std::vector<std::vector<double>>{
-           {}, {3, 3}, {0, 0}, {0, nan}, {nan, 0}, {0, 1e5}, {1.7e9, 1.7e9 + 30}, {0, 1.5}})
-    EXPECT_TRUE(point_times(values, false).empty());
-}
-
 TEST(Motion, FilesKeepTheTimesOfPoints) {
   const TempDir dir;
   write_file(dir / "a.pcd",

@@ -194,6 +194,24 @@ void print_latencies(std::vector<double> milliseconds, int64_t places) {
   table.print(std::cerr);
 }
 
+/// "" if scans are deskewed.
+std::string why_not_deskewed(const Dataset& data, bool no_deskew) {
+  const auto none_has = [&](auto member) {
+    return std::ranges::none_of(data.scans,
+                                [&](const ScanRef& scan) { return (scan.*member).has_value(); });
+  };
+  if (no_deskew) return ": --no-deskew";
+  if (none_has(&ScanRef::pose)) return ": no poses";
+  return none_has(&ScanRef::time) ? ": no times of scans" : "";
+}
+
+void note_point_times(const Dataset& data, bool no_deskew) {
+  const bool none = data.point_times.starts_with("none");
+  const std::string why_not = none ? "" : why_not_deskewed(data, no_deskew);
+  note(str("point times: ", data.point_times, "; scans are ",
+           none || !why_not.empty() ? "not deskewed" + why_not : "deskewed by their poses"));
+}
+
 /// Where lines, the pose graph and the trajectory go.
 class LoopOutputs {
  public:
@@ -279,6 +297,8 @@ class LoopRun {
         detector_(map_, options_with_drive()) {
     if (calibration_) detector_.calibrate(*calibration_);
     check_threshold(precision_given);
+    if (!o_.feature.quiet && !source_.some.point_times.empty())
+      note_point_times(source_.some, o_.no_deskew);
   }
 
   int run() {

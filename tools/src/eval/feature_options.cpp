@@ -55,6 +55,10 @@ void FeatureOptions::declare_data(Options& options) {
               &every)
       .at_least(1)
       .common();
+  options.choice("point-times", {"auto", "s", "ms", "us", "ns", "scan", "none"},
+                 "unit of the times of points; scan: 0 to 1 of a scan (default auto: from the "
+                 "period of the scans)",
+                 &point_times);
 }
 
 void FeatureOptions::declare_describing(Options& options, Scans scans) {

@@ -26,6 +26,7 @@ struct FeatureOptions {
   std::filesystem::path data;
   std::string sequence;  // or the topic of a bag
   int every = 1;         // frame stride
+  std::string point_times = "auto";  // unit of the times of points
   GeometryOptions image;
   std::string feature = "ring";
   std::filesystem::path model, weights;

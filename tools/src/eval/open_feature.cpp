@@ -284,6 +284,10 @@ Dataset open_scans(const FeatureOptions& options, bool needs_poses) {
                                                : scans_so_far(options, needs_poses);
   if (!options.quiet)
     for (const std::string& warning : dataset.warnings) warn(warning);
+  find_point_times(dataset, options.point_times);
+  if (!options.quiet && !dataset.point_times.empty() && dataset.point_times != "none")
+    note(str("point times: ", dataset.point_times,
+             "; only `revisit loops` and `revisit eval --causal` deskew"));
   if (dataset.scans.empty())
     throw UsageError("--every ", options.every, ": no frame number of ", options.data.string(),
                      " is a multiple of ", options.every);

@@ -326,9 +326,11 @@ RecordedScans recorded_scans(std::istream& in, const std::string& source, std::s
   const auto stream = std::make_shared<RecordedStream>(in, source, ending);
   if (first.empty()) first = stream->next_line();
   const reports::ScanLine line = stream->header(first);
-  return {line.name(), line.count(), {line.warnings().begin(), line.warnings().end()}, [stream] {
-            return stream->next();
-          }};
+  return {line.name(),
+          line.count(),
+          {line.warnings().begin(), line.warnings().end()},
+          line.point_times(),
+          [stream] { return stream->next(); }};
 }
 
 RecordedScans read_recording(const FeatureOptions& options, bool headers) {
@@ -337,6 +339,7 @@ RecordedScans read_recording(const FeatureOptions& options, bool headers) {
                      str(kProgram, "sys.exit(main(headers=", headers ? "True" : "False", "))"),
                      str("--every=", options.every)};
   if (!options.sequence.empty()) words.push_back("--sequence=" + options.sequence);
+  words.push_back("--point-times=" + options.point_times);
   words.push_back("--");
   words.push_back(options.data.string());
   const auto reader = std::make_shared<ReaderProcess>(std::move(words));
@@ -359,6 +362,7 @@ Dataset spooled(const RecordedScans& scans) {
   Dataset dataset;
   dataset.name = scans.name;
   dataset.warnings = scans.warnings;
+  dataset.point_times = scans.point_times;
   const auto file = std::make_shared<UnnamedFile>();
   PointCloud cloud;
   while (std::optional<ScanRef> scan = scans.next()) {

@@ -18,6 +18,7 @@ struct RecordedScans {
   std::string name = {};  // of the drive
   int64_t count = 0;      // of the scans; 0: unknown
   std::vector<std::string> warnings = {};
+  std::string point_times = {};  // convention, or why there are none
   ScanStream next = {};
 };
 

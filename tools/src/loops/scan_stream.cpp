@@ -121,13 +121,21 @@ ScanStream with(std::vector<ScanRef> first, ScanStream rest) {
   };
 }
 
-/// Begins with the first scans, which wait in memory.
-ScanSource source_of(RecordedScans scans, size_t enough, const std::string& name) {
+/// Begins with the first scans, which wait in memory and show the convention of times of points.
+ScanSource source_of(RecordedScans scans, size_t enough, const std::string& name,
+                     const std::string& unit) {
   ScanSource source;
   source.some = {.name = scans.name, .scans = first_readable(scans.next, enough)};
   source.count = scans.count;
   if (source.some.scans.empty()) throw InputError(name, ": there are no scans");
-  source.next = with(source.some.scans, std::move(scans.next));
+  source.some.point_times = scans.point_times;
+  find_point_times(source.some, unit);
+  source.next = [next = with(source.some.scans, std::move(scans.next)),
+                 times = source.some.scans[0].point_times] {
+    std::optional<ScanRef> scan = next();
+    if (scan) scan->point_times = times;
+    return scan;
+  };
   return source;
 }
 
@@ -149,11 +157,11 @@ ScanSource recording_source(const FeatureOptions& data, const PoseOptions& poses
       if (scan) scan->pose = by_frame[scan->frame];
       return scan;
     };
-  return source_of(std::move(scans), kShowSensor, data.data.string());
+  return source_of(std::move(scans), kShowSensor, data.data.string(), data.point_times);
 }
 
 /// Scans or names of files.
-ScanSource standard_input(int every) {
+ScanSource standard_input(int every, const std::string& unit) {
   const std::string name = "standard input";
   std::string line;
   std::getline(std::cin, line);
@@ -167,7 +175,7 @@ ScanSource standard_input(int every) {
     while (scan && scan->frame % every != 0) scan = next();
     return scan;
   };
-  return source_of(std::move(scans), 1, name);
+  return source_of(std::move(scans), 1, name, unit);
 }
 
 ScanSource growing(const FeatureOptions& data, double patience) {
@@ -175,7 +183,7 @@ ScanSource growing(const FeatureOptions& data, double patience) {
   const auto last = std::make_shared<Dataset>();
   ScanSource source = source_of(
       {.next = scans_coming([data, last] { return *last = scans_so_far(data); }, patience)}, 1,
-      data.data.string());
+      data.data.string(), data.point_times);
   source.some.name = last->name;
   source.some.sequence = last->sequence;
   return source;
@@ -207,7 +215,7 @@ ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
     throw UsageError("--poses: not supported with ", follow ? "--follow" : "standard input");
   if (listed && !data.sequence.empty())
     throw UsageError("--sequence: not supported with standard input");
-  if (listed) return standard_input(data.every);
+  if (listed) return standard_input(data.every, data.point_times);
   if (is_recording(data.data)) {
     if (follow) throw UsageError("--follow: not supported for recordings");
     return recording_source(data, poses);
@@ -217,6 +225,7 @@ ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
                      ": expected a folder of scans or a recording, found another file");
   if (follow) return growing(data, *follow);
   Dataset dataset = open_scans(data);
+  find_point_times(dataset, data.point_times);
   dataset.scans = poses.scans_of(dataset);
   const auto count = static_cast<int64_t>(dataset.scans.size());
   return {stream_of(dataset.scans), std::move(dataset), count};

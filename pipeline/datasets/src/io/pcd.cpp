@@ -114,7 +114,7 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
 
 }  // namespace
 
-PointCloud read_pcd(const fs::path& file) {
+PointCloud read_pcd(const fs::path& file, RecordedTimes& times) {
   const std::string content = read_content(file);
   TextCursor text(content, file.string());
   const PcdHeader header = read_pcd_header(&text);
@@ -125,13 +125,13 @@ PointCloud read_pcd(const fs::path& file) {
     if (n > body.size() / row)
       throw InputError(text.where(), ": truncated: ", n, " points of ", row,
                        " bytes do not fit the ", body.size(), " bytes that follow");
-    return header.table.decode(body.data(), PointTable::Layout::kRows);
+    return header.table.decode(body.data(), PointTable::Layout::kRows, times);
   }
   if (header.data == "binary_compressed")
     return header.table.decode(decompress(header.table, body, text).data(),
-                               PointTable::Layout::kColumns);
+                               PointTable::Layout::kColumns, times);
 
-  PointCloud cloud = header.table.parse_rows(&text);
+  PointCloud cloud = header.table.parse_rows(&text, times);
   for (std::string_view line; text.next(&line);)
     if (!take_word(&line).empty())
       throw InputError(text.where(), ": more lines than the ", header.table.points,

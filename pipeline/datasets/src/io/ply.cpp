@@ -70,15 +70,17 @@ PlyHeader read_ply_header(TextCursor* text) {
   return header;
 }
 
-PointCloud read_ascii(const PlyHeader& header, const Element& vertex, TextCursor* text) {
+PointCloud read_ascii(const PlyHeader& header, const Element& vertex, TextCursor* text,
+                      RecordedTimes& times) {
   std::string_view line;
   for (const Element* element = header.elements.data(); element != &vertex; ++element)
     for (size_t i = 0; i < element->table.points; ++i)
       if (!text->next(&line)) throw InputError(text->name() + ": truncated before its vertices");
-  return vertex.table.parse_rows(text);
+  return vertex.table.parse_rows(text, times);
 }
 
-PointCloud read_binary(const PlyHeader& header, const Element& vertex, const TextCursor& text) {
+PointCloud read_binary(const PlyHeader& header, const Element& vertex, const TextCursor& text,
+                       RecordedTimes& times) {
   std::string_view body = text.rest();
   // Divides, because a product could overflow.
   const auto check_size = [&](const Element& element) {
@@ -97,14 +99,16 @@ PointCloud read_binary(const PlyHeader& header, const Element& vertex, const Tex
     body.remove_prefix(element->table.points * element->table.row_bytes());
   }
   check_size(vertex);
-  return vertex.table.decode(body.data(), header.format == "binary_big_endian"
-                                              ? PointTable::Layout::kBigEndianRows
-                                              : PointTable::Layout::kRows);
+  return vertex.table.decode(body.data(),
+                             header.format == "binary_big_endian"
+                                 ? PointTable::Layout::kBigEndianRows
+                                 : PointTable::Layout::kRows,
+                             times);
 }
 
 }  // namespace
 
-PointCloud read_ply(const fs::path& file) {
+PointCloud read_ply(const fs::path& file, RecordedTimes& times) {
   const std::string content = read_content(file);
   TextCursor text(content, file.string());
   const PlyHeader header = read_ply_header(&text);
@@ -115,8 +119,8 @@ PointCloud read_ply(const fs::path& file) {
   if (vertex->has_lists)
     throw InputError(text.where() + ": vertices with list properties are not supported");
   vertex->table.check(text.where());
-  return header.format == "ascii" ? read_ascii(header, *vertex, &text)
-                                  : read_binary(header, *vertex, text);
+  return header.format == "ascii" ? read_ascii(header, *vertex, &text, times)
+                                  : read_binary(header, *vertex, text, times);
 }
 
 }  // namespace revisit

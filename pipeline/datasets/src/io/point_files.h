@@ -9,6 +9,7 @@
 
 #include "io/file_content.h"
 #include "revisit/base/files.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
@@ -28,10 +29,10 @@ class PointTable {
 
   /// Columns, one after the other and little-endian, are PCD's compressed form.
   enum class Layout { kRows, kBigEndianRows, kColumns };
-  /// Decodes `points * row_bytes()` bytes.
-  PointCloud decode(const char* data, Layout layout) const;
+  /// Decodes `points * row_bytes()` bytes. Times are returned apart.
+  PointCloud decode(const char* data, Layout layout, RecordedTimes& times) const;
   /// Parses text, one line per point; blank lines are skipped. Throws InputError with file:line.
-  PointCloud parse_rows(TextCursor* text) const;
+  PointCloud parse_rows(TextCursor* text, RecordedTimes& times) const;
 
  private:
   struct Column {
@@ -52,10 +53,10 @@ class PointTable {
 // headers. Only LZF is a library.
 
 /// Reads PCL's Point Cloud Data 0.6 and 0.7: ascii, binary, binary_compressed. Throws InputError.
-PointCloud read_pcd(const std::filesystem::path& file);
+PointCloud read_pcd(const std::filesystem::path& file, RecordedTimes& times);
 
 /// Reads the vertices of a Stanford PLY 1.0: ascii, binary of either byte order. Throws InputError.
-PointCloud read_ply(const std::filesystem::path& file);
+PointCloud read_ply(const std::filesystem::path& file, RecordedTimes& times);
 
 /// Layout of the points in a headerless .bin file: x, y, z, then other values.
 struct BinLayout {

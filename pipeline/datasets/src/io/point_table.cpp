@@ -10,16 +10,15 @@
 namespace revisit {
 namespace {
 
+constexpr const char *kSeconds = "timestampSec", *kNanoseconds = "timestampNsec";
+constexpr double kSecond = 1e9;  // [ns]
+
 struct Member {
   const char* column;
   float Point::*value;
 };
 constexpr std::array<Member, 4> kMembers = {
     {{"x", &Point::x}, {"y", &Point::y}, {"z", &Point::z}, {"intensity", &Point::intensity}}};
-
-bool are_nanoseconds(const NumberType& type) {
-  return type.kind != 'f';
-}
 
 }  // namespace
 
@@ -48,6 +47,7 @@ const PointTable::Column* PointTable::find(std::string_view name) const {
 const PointTable::Column* PointTable::find_time() const {
   for (const std::string_view name : kPointTimeNames) {
     if (name == "t" && find("s")) continue;  // texture coordinates
+    if (name == kSeconds && !find(kNanoseconds)) continue;
     if (const Column* const column = find(name)) return column;
   }
   return nullptr;
@@ -62,7 +62,7 @@ void PointTable::check(const std::string& where) const {
                        names.empty() ? " nothing" : names);
 }
 
-PointCloud PointTable::decode(const char* data, Layout layout) const {
+PointCloud PointTable::decode(const char* data, Layout layout, RecordedTimes& times) const {
   const bool in_columns = layout == Layout::kColumns;
   const auto each_value = [&](const Column& column, const auto& take) {
     NumberType type = column.type;
@@ -80,18 +80,23 @@ PointCloud PointTable::decode(const char* data, Layout layout) const {
         cloud.points[i].*member.value = static_cast<float>(value);
       });
   if (const Column* const column = find_time()) {
-    std::vector<double> times(points);
-    each_value(*column, [&](size_t i, double value) { times[i] = value; });
-    cloud.times = point_times(times, are_nanoseconds(column->type));
+    times.field = column->name;
+    times.values.resize(points);
+    each_value(*column, [&](size_t i, double value) { times.values[i] = value; });
+    if (column->name == kSeconds)
+      each_value(*find(kNanoseconds), [&](size_t i, double value) {
+        times.values[i] = kSecond * times.values[i] + value;
+      });
   }
   return cloud;
 }
 
-PointCloud PointTable::parse_rows(TextCursor* text) const {
+PointCloud PointTable::parse_rows(TextCursor* text, RecordedTimes& times) const {
   std::array<const Column*, kMembers.size()> wanted;
   for (size_t m = 0; m < kMembers.size(); ++m) wanted[m] = find(kMembers[m].column);
   const Column* const time = find_time();
-  std::vector<double> times;
+  const Column* const nano = time && time->name == kSeconds ? find(kNanoseconds) : nullptr;
+  if (time) times.field = time->name;
 
   PointCloud cloud;
   cloud.points.reserve(std::min(points, text->rest().size() / row_values_));
@@ -101,20 +106,22 @@ PointCloud PointTable::parse_rows(TextCursor* text) const {
       throw InputError(text->name(), ": truncated: expected ", points, " points, found ",
                        cloud.points.size());
     Point point;
+    double seconds = 0, nanoseconds = 0;
     size_t values = 0;
     for (std::string_view word; !(word = take_word(&line)).empty(); ++values) {
       const double value = parse_number(word, text->where(), true);
       for (size_t m = 0; m < kMembers.size(); ++m)
         if (wanted[m] && wanted[m]->index == values)
           point.*kMembers[m].value = static_cast<float>(value);
-      if (time && time->index == values) times.push_back(value);
+      if (time && time->index == values) seconds = value;
+      if (nano && nano->index == values) nanoseconds = value;
     }
     if (values == 0) continue;
     if (values != row_values_)
       throw InputError(text->where(), ": expected ", row_values_, " values, found ", values);
     cloud.points.push_back(point);
+    if (time) times.values.push_back(nano ? kSecond * seconds + nanoseconds : seconds);
   }
-  if (time) cloud.times = point_times(times, are_nanoseconds(time->type));
   return cloud;
 }
 

@@ -84,13 +84,13 @@ std::string lower_case_extension_of(const fs::path& file) {
   return extension;
 }
 
-void read_by_extension(const fs::path& file, PointCloud& cloud) {
+void read_by_extension(const fs::path& file, PointCloud& cloud, RecordedTimes& times) {
   const std::string extension = lower_case_extension_of(file);
   if (extension == ".bin") return read_bin(file, cloud);
   if (extension == ".pcd")
-    cloud = read_pcd(file);
+    cloud = read_pcd(file, times);
   else if (extension == ".ply")
-    cloud = read_ply(file);
+    cloud = read_ply(file, times);
   else
     throw InputError(FileCursor(file).file().string(), ": unknown kind of scan '", extension,
                      "'; expected .bin (KITTI), .pcd or .ply");
@@ -109,15 +109,49 @@ bool is_scan_file_name(const fs::path& file) {
   return extension == ".bin" || extension == ".pcd" || extension == ".ply";
 }
 
-void read_scan_into(const fs::path& file, PointCloud& cloud) {
-  read_by_extension(file, cloud);
+RecordedTimes read_recorded_scan(const fs::path& file, PointCloud& cloud) {
+  RecordedTimes times;
+  read_by_extension(file, cloud, times);
   check_any_return(file, cloud);
+  return times;
+}
+
+void read_scan_into(const fs::path& file, PointCloud& cloud) {
+  const RecordedTimes times = read_recorded_scan(file, cloud);
+  set_times(times, point_times_of({&times, 1}), cloud);
 }
 
 void read_scan_into(const ScanRef& scan, PointCloud& cloud) {
-  if (!scan.read) return read_scan_into(scan.file, cloud);
+  if (!scan.read) {
+    if (!scan.point_times) return read_scan_into(scan.file, cloud);
+    RecordedTimes times = read_recorded_scan(scan.file, cloud);
+    times.stamp = scan.time;
+    return set_times(times, *scan.point_times, cloud);
+  }
   scan.read(cloud);
   check_any_return(scan.file, cloud);
+}
+
+void find_point_times(Dataset& dataset, const std::string& unit) {
+  constexpr size_t kStamps = 20, kRead = 4;
+  std::vector<RecordedTimes> recorded;
+  PointCloud cloud;
+  size_t read = 0;
+  for (const ScanRef& scan :
+       std::span(dataset.scans).first(std::min(dataset.scans.size(), kStamps))) {
+    RecordedTimes times;
+    if (!scan.read && read < kRead) try {
+        times = read_recorded_scan(scan.file, cloud);
+        ++read;
+      } catch (const InputError&) {  // reported when the scan is read again
+      }
+    times.stamp = scan.time;
+    recorded.push_back(std::move(times));
+  }
+  if (std::ranges::all_of(recorded, &std::string::empty, &RecordedTimes::field)) return;
+  const PointTimes found = point_times_of(recorded, unit);
+  dataset.point_times = found.text;
+  for (ScanRef& scan : dataset.scans) scan.point_times = found;
 }
 
 PointCloud read_scan(const ScanRef& scan) {

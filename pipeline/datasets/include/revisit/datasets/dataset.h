@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
@@ -41,6 +42,8 @@ struct ScanRef {
   /// Throws InputError.
   std::function<void(PointCloud&)> read;
   std::string checksum;  // of these points
+  /// Convention of the file's times of points; absent: decided from the file alone.
+  std::optional<PointTimes> point_times;
 };
 
 /// Reads the scan's file, or calls `read`. Throws InputError, also for a scan without a finite
@@ -57,6 +60,7 @@ struct Dataset {
   /// Counts frames whose scans are missing or skipped, too; 0 without poses.
   int64_t n_poses = 0;
   std::vector<std::string> warnings;
+  std::string point_times;  // PointTimes::text; "" if unknown, or if files have no times
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;
@@ -77,6 +81,10 @@ struct Dataset {
 /// Throws InputError with the paths searched and the sequences found.
 Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,
                      bool needs_poses = false);
+
+/// Decides the convention of the times of points from the first files and sets it in all scans. For
+/// `unit` see point_times_of().
+void find_point_times(Dataset& dataset, const std::string& unit = "auto");
 
 /// Replaces each scan's file by the image of its frame, e.g. 000123.png. If `folder` is empty, the
 /// image_0 (left, gray) of a KITTI sequence is used. Throws InputError for a missing folder, names

@@ -34,17 +34,47 @@ void write_kitti_scan(const std::filesystem::path& file, const PointCloud& cloud
 /// (nanoseconds). Returns nothing for other names, such as frame numbers.
 std::optional<double> time_in_name(const std::filesystem::path& file);
 
-/// Field names of per-point times; the first match counts. A t beside an s is a texture coordinate.
-constexpr const char* kPointTimeNames[] = {"t", "time", "timestamp", "offset_time",
-                                           "point_time_offset"};
+/// Field names of per-point times; the first match counts. A t beside an s is a texture coordinate,
+/// timestampSec needs timestampNsec.
+constexpr const char* kPointTimeNames[] = {
+    "t",           "time",        "timestamp",         "time_stamp",
+    "offset_time", "time_offset", "point_time_offset", "timestampSec",
+    "curvature"};
 
-/// Converts per-point times of a recording to seconds from the scan's stamp. Integers are
-/// nanoseconds. Floating-point values are seconds, or nanoseconds from 10^14 on. Values of a second
-/// or more are absolute: they are relative to `stamp` if it has the same clock, else to the
-/// earliest; values of 0 then mark points without a return. Returns nothing for values that cannot
-/// be times of one scan: all equal, not finite, or more than a second from the stamp.
-std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
-                               std::optional<double> stamp = {});
+/// Times of a scan's points as recorded. timestampSec and timestampNsec are nanoseconds together.
+struct RecordedTimes {
+  std::string field;            // name; "" without times
+  std::vector<double> values;   // [points]
+  std::optional<double> stamp;  // of the scan [s]
+};
+
+/// Convention of per-point times, the same for all scans of a recording.
+struct PointTimes {
+  double unit = 0;        // of a value [s]; 0: no times
+  double period = 0.1;    // of the scans [s]
+  bool of_clock = false;  // values count from a clock's origin; else from the scan's stamp
+  /// The clock of the values minus that of the stamps [s]: 0, or TAI's or GPS's; NaN: unrelated
+  /// clocks, so that times count from the earliest point.
+  double ahead = 0;
+  std::string text;  // for messages: "field t, ns"; or the reason why there are no times
+
+  /// Seconds from the stamp. NaN: this value is invalid, e.g. 0 for a lost packet. Empty if the
+  /// values cannot be times of one scan.
+  std::vector<float> of(std::span<const double> values, std::optional<double> stamp) const;
+};
+
+/// Decides the convention from some scans in order, by the range of values and the distance of
+/// stamps. `unit`: auto, s, ms, us, ns, scan (0 to 1) or none. `period` [s]: absent: from the
+/// stamps; unknown with a single scan. Float fractions of a scan last 0.1 s if the period is
+/// unknown or longer than a revolution. Throws UsageError for another unit.
+PointTimes point_times_of(std::span<const RecordedTimes> scans, const std::string& unit = "auto",
+                          std::optional<double> period = {});
+
+/// Reads a scan and its times as recorded; `cloud.times` are empty.
+RecordedTimes read_recorded_scan(const std::filesystem::path& file, PointCloud& cloud);
+
+/// Sets the times of a cloud and removes points with invalid times.
+void set_times(const RecordedTimes& times, const PointTimes& convention, PointCloud& cloud);
 
 /// Returns T_start_then of a motion with constant linear and angular velocity, `T_before_after` in
 /// `seconds`, more than 0. The time [s] may be negative.
