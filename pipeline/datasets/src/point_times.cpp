@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
@@ -14,9 +15,10 @@ constexpr double kLongestTurn = 0.25;  // [s]; a longer period is the distance o
 constexpr double kMaxOffset = 1;       // of a scan's times from its stamp [s]
 
 struct TimeUnit {
-  const char* name;
-  double seconds;
+  const char* name = "";
+  double seconds = 0;
 };
+constexpr TimeUnit kScanUnit{"scan", 0};
 constexpr std::array<TimeUnit, 4> kTimeUnits = {
     {{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}}};
 
@@ -26,6 +28,7 @@ struct SortedTimes {
   std::vector<double> values;
   size_t distinct = 0;
   bool zeros_are_lost = false;
+  const RecordedTimes* of = nullptr;
 
   double median() const { return values.empty() ? 0 : values[values.size() / 2]; }
 };
@@ -94,26 +97,25 @@ bool are_fractions(const SortedTimes& sorted, std::optional<double> period) {
 }
 
 /// Unit whose span of a scan is nearest to the period; absent if none is plausible.
-std::optional<TimeUnit> unit_of_scan(const SortedTimes& sorted, const RecordedTimes& recorded,
-                                     std::optional<double> period) {
+std::optional<TimeUnit> unit_of_scan(const SortedTimes& sorted, std::optional<double> period) {
   constexpr double kEpoch = 1e6, kNearClock = 100;  // [s]
   constexpr double kShortest = 0.05;                // fraction of a period
   const double typical =
       period ? std::clamp(*period, kMinPeriod, kMaxPeriod) : std::sqrt(kMinPeriod * kMaxPeriod);
   const double shortest = period ? kShortest * std::min(typical, kLongestTurn) : kMinPeriod / 10;
-  const bool of_epoch = recorded.stamp && *recorded.stamp > kEpoch;
+  const std::optional<double> stamp = sorted.of->stamp;
   std::optional<TimeUnit> best;
   double best_distance = std::numeric_limits<double>::infinity();
   for (const TimeUnit& unit : kTimeUnits) {
     const auto values =
         around_median(sorted, (period ? half_window(*period) : kMaxOffset) / unit.seconds);
     if (values.empty()) continue;
-    if (recorded.field == "curvature" &&
+    if (sorted.of->field == "curvature" &&
         (unit.seconds != 1e-3 || !is_time_of_lio(values, period.value_or(kUsualPeriod))))
       continue;
     const double span = (values.back() - values.front()) * unit.seconds;
     if (span < shortest || span > kMaxPeriod + kMinPeriod) continue;
-    if (of_epoch && std::abs(sorted.median() * unit.seconds - *recorded.stamp) < kNearClock)
+    if (stamp > kEpoch && std::abs(sorted.median() * unit.seconds - *stamp) < kNearClock)
       return unit;
     const double distance = std::abs(std::log(span / typical));
     if (distance < best_distance) best = unit;
@@ -136,11 +138,10 @@ std::optional<double> period_of(std::span<const RecordedTimes> scans) {
 }
 
 /// Whether values of consecutive scans grow like the stamps.
-bool grow_with_stamps(const RecordedTimes& a, const SortedTimes& times_a, const RecordedTimes& b,
-                      const SortedTimes& times_b, double unit) {
+bool grow_with_stamps(const SortedTimes& a, const SortedTimes& b, double unit) {
   constexpr double kTolerance = 0.2;
-  if (!a.stamp || !b.stamp || !(*b.stamp > *a.stamp)) return false;
-  const double growth = (times_b.median() - times_a.median()) * unit, step = *b.stamp - *a.stamp;
+  if (!a.of->stamp || !b.of->stamp || !(*b.of->stamp > *a.of->stamp)) return false;
+  const double growth = (b.median() - a.median()) * unit, step = *b.of->stamp - *a.of->stamp;
   return std::abs(growth - step) < kTolerance * step;
 }
 
@@ -152,20 +153,16 @@ double known_offset(double difference) {
   return std::numeric_limits<double>::quiet_NaN();
 }
 
-struct SortedScan {
-  const RecordedTimes* recorded;
-  SortedTimes times;
-};
-
-void find_clock(std::span<const SortedScan> scans, PointTimes& found) {
+void find_clock(std::span<const SortedTimes> scans, PointTimes& found) {
   std::vector<double> differences;
-  for (size_t i = 0; i < scans.size(); ++i) {
-    const auto& [recorded, times] = scans[i];
-    found.of_clock = found.of_clock || std::abs(times.median()) * found.unit > kMaxOffset ||
-                     (i > 0 && grow_with_stamps(*scans[i - 1].recorded, scans[i - 1].times,
-                                                *recorded, times, found.unit));
-    if (recorded->stamp) differences.push_back(times.median() * found.unit - *recorded->stamp);
+  size_t of_clock = 0;
+  for (const SortedTimes& scan : scans) {
+    const double here = scan.median() * found.unit;
+    const bool grows = &scan != scans.data() && grow_with_stamps(*(&scan - 1), scan, found.unit);
+    of_clock += grows || std::abs(here) > kMaxOffset ? 1 : 0;
+    if (scan.of->stamp) differences.push_back(here - *scan.of->stamp);
   }
+  found.of_clock = 2 * of_clock >= scans.size();
   if (!found.of_clock) return;
   found.ahead = std::numeric_limits<double>::quiet_NaN();
   if (differences.empty()) return;
@@ -187,39 +184,36 @@ std::string milliseconds(double seconds) {
   return str(std::lround(seconds / kMillisecond), " ms");
 }
 
-std::string text_of_failure(const SortedScan& scan, std::optional<double> period) {
-  const std::string field = str("none, because field ", scan.recorded->field);
-  if (!has_resolution(scan.times))
-    return str(field, " has no resolution: ", scan.times.distinct,
-               scan.times.distinct == 1 ? " value" : " values", " in a scan");
-  return str(field, " spans ", scan.times.values.back() - scan.times.values.front(), " in a scan",
+std::string text_of_failure(const SortedTimes& scan, std::optional<double> period) {
+  const std::string field = str("none, because field ", scan.of->field);
+  if (!has_resolution(scan))
+    return str(field, " has no resolution: ", scan.distinct,
+               scan.distinct == 1 ? " value" : " values", " in a scan");
+  return str(field, " spans ", scan.values.back() - scan.values.front(), " in a scan",
              period ? str(" and scans are ", milliseconds(*period), " apart") : "",
              ", which fits no unit; give --point-times");
 }
 
 /// The unit of most scans; absent if no scan has one. "scan" has no seconds yet.
-std::optional<TimeUnit> voted_unit(std::span<const SortedScan> scans,
+std::optional<TimeUnit> voted_unit(std::span<const SortedTimes> scans,
                                    std::optional<double> period) {
-  std::vector<std::pair<TimeUnit, int>> votes;
-  for (const auto& [recorded, times] : scans) {
-    if (!has_resolution(times)) continue;
-    const auto unit = are_fractions(times, period) && recorded->field != "curvature"
-                          ? std::optional(TimeUnit{"scan", 0})
-                          : unit_of_scan(times, *recorded, period);
+  std::map<double, std::pair<int, TimeUnit>> votes;
+  for (const SortedTimes& scan : scans) {
+    if (!has_resolution(scan)) continue;
+    const bool fractions = scan.of->field != "curvature" && are_fractions(scan, period);
+    const auto unit = fractions ? std::optional(kScanUnit) : unit_of_scan(scan, period);
     if (!unit) continue;
-    const auto vote = std::ranges::find(votes, unit->seconds,
-                                        [](const auto& known) { return known.first.seconds; });
-    if (vote == votes.end())
-      votes.emplace_back(*unit, 1);
-    else
-      ++vote->second;
+    auto& [count, voted] = votes[unit->seconds];
+    ++count;
+    voted = *unit;
   }
-  const auto most = std::ranges::max_element(votes, {}, [](const auto& v) { return v.second; });
-  return most == votes.end() ? std::nullopt : std::optional(most->first);
+  const auto most =
+      std::ranges::max_element(votes, {}, [](const auto& vote) { return vote.second.first; });
+  return most == votes.end() ? std::nullopt : std::optional(most->second.second);
 }
 
 std::optional<TimeUnit> given_unit(const std::string& unit) {
-  if (unit == "scan") return TimeUnit{"scan", 0};
+  if (unit == kScanUnit.name) return kScanUnit;
   for (const TimeUnit& known : kTimeUnits)
     if (unit == known.name) return known;
   if (unit == "auto") return std::nullopt;
@@ -232,16 +226,20 @@ PointTimes point_times_of(std::span<const RecordedTimes> scans, const std::strin
                           std::optional<double> period) {
   if (unit == "none") return {.text = "none, as given"};
   std::optional<TimeUnit> found = given_unit(unit);
+  const bool given = found.has_value();
   if (!period) period = period_of(scans);
-  std::vector<SortedScan> sorted;
-  for (const RecordedTimes& scan : scans)
-    if (SortedTimes times = sorted_times(scan.values); !times.values.empty())
-      sorted.push_back({&scan, std::move(times)});
+  std::vector<SortedTimes> sorted;
+  for (const RecordedTimes& scan : scans) {
+    SortedTimes times = sorted_times(scan.values);
+    times.of = &scan;
+    if (!times.values.empty()) sorted.push_back(std::move(times));
+  }
   if (sorted.empty()) return {.text = "none"};
   if (!found) found = voted_unit(sorted, period);
   if (!found) return {.text = text_of_failure(sorted.front(), period)};
-  PointTimes times{.unit = found->seconds, .period = period.value_or(kMaxPeriod)};
-  const std::string field = str("field ", sorted.front().recorded->field, ", ");
+  PointTimes times{.unit = found->seconds,
+                   .period = given ? kMaxPeriod : period.value_or(kMaxPeriod)};
+  const std::string field = str("field ", sorted.front().of->field, ", ");
   if (found->seconds == 0) {
     times.unit = period && *period <= kLongestTurn ? *period : kUsualPeriod;
     times.period = times.unit;
@@ -249,10 +247,10 @@ PointTimes point_times_of(std::span<const RecordedTimes> scans, const std::strin
     return times;
   }
   find_clock(sorted, times);
-  const bool fits = std::ranges::any_of(sorted, [&](const SortedScan& scan) {
-    return !times.of(scan.times.values, scan.recorded->stamp).empty();
-  });
-  if (!fits) return {.text = text_of_failure(sorted.front(), period)};
+  if (std::ranges::all_of(sorted, [&](const SortedTimes& scan) {
+        return times.of(scan.values, scan.of->stamp).empty();
+      }))
+    return {.text = text_of_failure(sorted.front(), period)};
   times.text = str(field, found->name, text_of_clock(times));
   return times;
 }
