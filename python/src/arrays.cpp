@@ -32,6 +32,10 @@ bool is_float32(nb::handle dtype) {
   return nb::cast<std::string>(nb::str(dtype)) == "float32";
 }
 
+bool is_float64(nb::handle dtype) {
+  return nb::cast<std::string>(nb::str(dtype)) == "float64";
+}
+
 void refuse_masked(nb::handle object, const std::string& what) {
   if (nb::hasattr(object.type(), "filled") && nb::hasattr(object.type(), "mask"))
     throw type_error(str(what, ": expected an array without mask, found a masked array, ",
@@ -50,6 +54,20 @@ GivenArray<float> float_array(nb::handle object, const std::string& what) {
   throw type_error(
       str(what, ": expected a numpy array of float32, found ", description_of(object),
           "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)"));
+}
+
+std::vector<float> numbers_of(nb::handle object, const std::string& what) {
+  const bool is_double = nb::hasattr(object, "__array_interface__") &&
+                         is_float64(nb::getattr(object, "dtype", nb::none()));
+  if (is_double) refuse_masked(object, what);
+  const auto array =
+      float_array(is_double ? object.attr("astype")("float32") : nb::borrow(object), what);
+  if (array.ndim() != 1)
+    throw value_error(str(what, ": expected an array of one axis, found ", description_of(object)));
+  std::vector<float> values(array.shape(0));
+  for (size_t i = 0; i < values.size(); ++i)
+    values[i] = array.data()[static_cast<int64_t>(i) * array.stride(0)];
+  return values;
 }
 
 GivenArray<float> contiguous_floats(nb::handle object, const std::string& what) {

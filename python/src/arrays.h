@@ -64,6 +64,7 @@ std::string description_of(nb::handle object);
 std::string name_from(nb::handle key, const char* what);
 
 bool is_float32(nb::handle dtype);
+bool is_float64(nb::handle dtype);
 
 /// Throws TypeError for a masked array, because masked values would be used.
 void refuse_masked(nb::handle object, const std::string& what);
@@ -71,6 +72,8 @@ void refuse_masked(nb::handle object, const std::string& what);
 /// Returns a float32 array with any strides; a copy if these are no multiple of 4 bytes. Throws
 /// TypeError for other types, which are not converted; `what` begins the message.
 GivenArray<float> float_array(nb::handle object, const std::string& what);
+/// float32 or float64 [n]. Throws as float_array(), and ValueError for another shape.
+std::vector<float> numbers_of(nb::handle object, const std::string& what);
 /// Like float_array(), in C order. Throws ValueError for other strides.
 GivenArray<float> contiguous_floats(nb::handle object, const std::string& what);
 

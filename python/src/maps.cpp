@@ -5,6 +5,7 @@
 #include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <variant>
 
@@ -185,15 +186,21 @@ struct MapOwner {
 /// Keeps its Map alive.
 struct PythonDetector : MapOwner, LoopDetector {
   using LoopDetector::LoopDetector;
+  int64_t next_frame = 0;
 };
 
 using MapArgument = std::variant<nb::handle_t<PythonMap>, std::optional<fs::path>>;
 
 /// The given Map, or one that is opened.
-nb::object map_of(const MapArgument& map) {
-  if (const auto* given = std::get_if<nb::handle_t<PythonMap>>(&map)) return nb::borrow(*given);
+nb::object map_of(const MapArgument& map, const std::string& sensor) {
+  if (const auto* given = std::get_if<nb::handle_t<PythonMap>>(&map)) {
+    if (!sensor.empty())
+      throw UsageError("sensor: '", sensor, "', but a Map is given; give it to open_map()");
+    return nb::borrow(*given);
+  }
   const fs::path file = std::get<std::optional<fs::path>>(map).value_or("");
-  return nb::cast(without_lock([&] { return std::make_unique<PythonMap>(file, MapOptions()); }));
+  return nb::cast(without_lock(
+      [&] { return std::make_unique<PythonMap>(file, MapOptions{.sensor = sensor}); }));
 }
 
 void bind_loop_detector(nb::module_& module) {
@@ -231,8 +238,9 @@ void bind_loop_detector(nb::module_& module) {
           [](PythonDetector* self, const MapArgument& map, const std::string& drive,
              const std::string& exclusion, const std::string& keyframes, std::optional<bool> verify,
              std::optional<double> threshold, std::optional<double> target_precision,
-             bool keep_clouds, const std::string& odometry_gate) {
-            const nb::object owner = map_of(map);
+             bool keep_clouds, const std::string& odometry_gate,
+             const std::optional<std::string>& sensor) {
+            const nb::object owner = map_of(map, sensor.value_or(""));
             PythonMap& used = nb::cast<PythonMap&>(owner);
             const LoopDetectorOptions options{.drive = drive,
                                               .exclusion = parse_exclusion(exclusion),
@@ -249,9 +257,10 @@ void bind_loop_detector(nb::module_& module) {
           "map"_a = nb::none(), nb::kw_only(), "drive"_a = "",
           "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = nb::none(),
           "threshold"_a = nb::none(), "target_precision"_a = nb::none(), "keep_clouds"_a = true,
-          "odometry_gate"_a = "2,0.1,0.5",
+          "odometry_gate"_a = "2,0.1,0.5", "sensor"_a = nb::none(),
           "map: a Map; or the file or server's address of one of ring descriptors, which "
           "open_map() opens; None: a temporary map.\n"
+          "sensor: of a map that is opened, as of open_map().\n"
           "drive: name of the drive in the map.\n"
           "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'meters=L' or "
           "'none'.\n"
@@ -270,14 +279,17 @@ void bind_loop_detector(nb::module_& module) {
           "loops.")
       .def(
           "take",
-          [](PythonDetector& self, PointsArgument points, int64_t frame, std::optional<double> time,
-             PoseArgument pose) {
+          [](PythonDetector& self, PointsArgument points, std::optional<int64_t> frame,
+             std::optional<double> time, PoseArgument pose) {
             const GivenPoints given(points);
-            const ScanStamp stamp{frame, time, pose_from(pose)};
+            const ScanStamp stamp{frame.value_or(self.next_frame), time, pose_from(pose)};
+            self.next_frame = std::max(self.next_frame, stamp.frame + 1);
             return without_lock([&] { return self.take(given.view(), stamp); });
           },
-          "points"_a, nb::kw_only(), "frame"_a, "time"_a = nb::none(), "pose"_a = nb::none(),
-          "points: in the sensor's frame [m]. time: [s]. pose: T_world_sensor, float64 [4][4].\n"
+          "points"_a, nb::kw_only(), "frame"_a = nb::none(), "time"_a = nb::none(),
+          "pose"_a = nb::none(),
+          "points: in the sensor's frame [m]. frame: ascends; None: the next. time: [s]. pose: "
+          "T_world_sensor, float64 [4][4].\n"
           "Raises UsageError if the exclusion needs a time or a pose that is not given.")
       .def(
           "query",

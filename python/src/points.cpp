@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cstring>
+#include <tuple>
+#include <utility>
 
 #include "module.h"
 #include "revisit/base/error.h"
@@ -11,22 +13,28 @@ namespace {
 
 [[noreturn]] void refuse_type(nb::handle found) {
   throw type_error(
-      str("points: expected a numpy array of float32 [n][3 or 4], a structured array with float32 "
-          "fields x, y, z, or a tuple of three float32 arrays, found ",
+      str("points: expected a numpy array of float32 or float64 [n][3 or 4], a structured array "
+          "with such fields x, y, z of one type, or a tuple of three such arrays, found ",
           description_of(found),
           "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)"));
 }
 
-/// x, y, z [bytes] from the start of a point.
-std::array<int64_t, 3> offsets_of_fields(nb::handle points) {
+bool is_number(nb::handle dtype) {
+  return is_float32(dtype) || is_float64(dtype);
+}
+
+/// Type of x, y, z, and their offsets [bytes] from the start of a point.
+std::pair<nb::object, std::array<int64_t, 3>> fields_of(nb::handle points) {
   std::array<int64_t, 3> offsets{};
+  nb::object type;
   const nb::object fields = points.attr("dtype").attr("fields");
   for (size_t axis = 0; axis < 3; ++axis) {
     const nb::object field = fields.attr("get")(std::string(1, "xyz"[axis]));
-    if (field.is_none() || !is_float32(field[0])) refuse_type(points);
+    if (field.is_none() || (axis > 0 && !type.equal(field[0]))) refuse_type(points);
+    type = field[0];
     offsets[axis] = nb::cast<int64_t>(field[1]);
   }
-  return offsets;
+  return {type, offsets};
 }
 
 }  // namespace
@@ -42,18 +50,17 @@ GivenPoints::GivenPoints(nb::handle points) : owner_(nb::borrow(points)) {
     if (!nb::hasattr(points, name)) refuse_type(points);
   refuse_masked(points, "points");
   const nb::tuple shape = points.attr("shape"), strides = points.attr("strides");
-  const bool structured = !points.attr("dtype").attr("names").is_none();
-  if (!structured && !is_float32(points.attr("dtype"))) refuse_type(points);
-  const auto wrong_shape = [&](const char* expected) {
-    return value_error(str("points: expected ", expected, ", found ", description_of(points)));
-  };
+  nb::object type = points.attr("dtype");
+  const bool structured = !type.attr("names").is_none();
   std::array<int64_t, 3> offsets{};
-  if (structured) {
-    offsets = offsets_of_fields(points);
-    if (shape.size() != 1) throw wrong_shape("a structured array of one axis");
-  } else {
-    if (shape.size() != 2 || nb::cast<int64_t>(shape[1]) < 3)
-      throw wrong_shape("an array of shape (n, 3) or (n, 4)");
+  if (structured) std::tie(type, offsets) = fields_of(points);
+  if (!is_number(type)) refuse_type(points);
+  is_double_ = is_float64(type);
+  if (structured && shape.size() != 1)
+    throw value_error(
+        str("points: expected a structured array of one axis, found ", description_of(points)));
+  if (!structured) {
+    check_shape(points, shape);
     const auto column = nb::cast<int64_t>(strides[1]);
     offsets = {0, column, 2 * column};
     if (nb::cast<int64_t>(shape[1]) > 3) intensity_ = 3 * column;
@@ -65,30 +72,45 @@ GivenPoints::GivenPoints(nb::handle points) : owner_(nb::borrow(points)) {
   take_columns(nb::cast<int64_t>(shape[0]), offsets);
 }
 
+void GivenPoints::check_shape(nb::handle points, const nb::tuple& shape) const {
+  constexpr int64_t kMostColumns = 16;  // of a point; more are points of x, y, z in rows
+  const bool is_table = shape.size() == 2;
+  const auto rows = is_table ? nb::cast<int64_t>(shape[0]) : 0;
+  const auto columns = is_table ? nb::cast<int64_t>(shape[1]) : 0;
+  const bool is_turned = (rows == 3 || rows == 4) && columns > kMostColumns;
+  if (columns < 3 || is_turned)
+    throw value_error(str("points: expected an array of shape (n, 3) or (n, 4), found ",
+                          description_of(points),
+                          is_turned ? ", which has a column for each point; use x.T" : ""));
+}
+
 void GivenPoints::take_axes(nb::handle points) {
   if (nb::len(points) != 3) refuse_type(points);
-  std::array<GivenArray<float>, 3> axes;
-  for (size_t axis = 0; axis < 3; ++axis) {
-    axes[axis] = float_array(points[axis], str("points, ", "xyz"[axis]));
-    if (axes[axis].ndim() != 1 || axes[axis].shape(0) != axes[0].shape(0))
-      throw value_error(str("points: expected three arrays of one length, found ",
-                            description_of(points[0]), ", ", description_of(points[1]), ", ",
-                            description_of(points[2])));
-  }
-  copy_.points.resize(axes[0].shape(0));
-  for (size_t i = 0; i < copy_.points.size(); ++i) {
-    const auto at = [i](const auto& axis) {
-      return axis.data()[static_cast<int64_t>(i) * axis.stride(0)];
-    };
-    copy_.points[i] = {at(axes[0]), at(axes[1]), at(axes[2])};
-  }
+  std::array<std::vector<float>, 3> axes;
+  for (size_t axis = 0; axis < 3; ++axis)
+    axes[axis] = numbers_of(points[axis], str("points, ", "xyz"[axis]));
+  if (axes[1].size() != axes[0].size() || axes[2].size() != axes[0].size())
+    throw value_error(str("points: expected three arrays of one length, found ",
+                          description_of(points[0]), ", ", description_of(points[1]), ", ",
+                          description_of(points[2])));
+  copy_.points.resize(axes[0].size());
+  for (size_t i = 0; i < copy_.points.size(); ++i)
+    copy_.points[i] = {axes[0][i], axes[1][i], axes[2][i]};
   view_ = view_of(copy_);
 }
 
+float GivenPoints::number_at(const char* address) const {
+  const auto read = [&](auto value) {
+    std::memcpy(&value, address, sizeof value);  // may be unaligned
+    return static_cast<float>(value);
+  };
+  return is_double_ ? read(double{}) : read(float{});
+}
+
 void GivenPoints::take_columns(int64_t count, const std::array<int64_t, 3>& offsets) {
-  constexpr auto kBytes = static_cast<int64_t>(sizeof(float));
+  const auto bytes = static_cast<int64_t>(is_double_ ? sizeof(double) : sizeof(float));
   bool fits = true;  // the coordinates lie within a stride
-  for (const int64_t offset : offsets) fits = fits && offset >= 0 && offset + kBytes <= stride_;
+  for (const int64_t offset : offsets) fits = fits && offset >= 0 && offset + bytes <= stride_;
   if (fits || count == 0) {
     view_ = {base_, static_cast<size_t>(count)};
     if (fits)
@@ -97,15 +119,15 @@ void GivenPoints::take_columns(int64_t count, const std::array<int64_t, 3>& offs
                static_cast<size_t>(stride_),
                static_cast<size_t>(offsets[0]),
                static_cast<size_t>(offsets[1]),
-               static_cast<size_t>(offsets[2])};
+               static_cast<size_t>(offsets[2]),
+               is_double_};
     return;
   }
   copy_.points.resize(static_cast<size_t>(count));
   for (int64_t i = 0; i < count; ++i) {
-    Point& point = copy_.points[static_cast<size_t>(i)];
-    std::memcpy(&point.x, base_ + i * stride_ + offsets[0], sizeof(float));
-    std::memcpy(&point.y, base_ + i * stride_ + offsets[1], sizeof(float));
-    std::memcpy(&point.z, base_ + i * stride_ + offsets[2], sizeof(float));
+    const char* from = base_ + i * stride_;
+    copy_.points[static_cast<size_t>(i)] = {
+        number_at(from + offsets[0]), number_at(from + offsets[1]), number_at(from + offsets[2])};
   }
   view_ = view_of(copy_);
 }
@@ -119,9 +141,9 @@ PointCloud GivenPoints::cloud() const {
 PointCloud GivenPoints::cloud_with_intensity() const {
   PointCloud with = cloud();
   if (!intensity_) return with;
-  const char* from = base_ + *intensity_;  // may be unaligned
+  const char* from = base_ + *intensity_;
   for (Point& point : with.points) {
-    std::memcpy(&point.intensity, from, sizeof(float));
+    point.intensity = number_at(from);
     from += stride_;
   }
   return with;

@@ -17,9 +17,9 @@ struct AnyPoints;
 using PointsArgument = nb::typed<nb::handle, AnyPoints>;
 
 /// Points of a scan given by a caller:
-///   - float32 [n][3 or more], the columns being x, y, z;
-///   - a structured array [n] with float32 fields x, y, z, e.g. of a PointCloud2;
-///   - three float32 arrays [n]: a tuple or list (x, y, z).
+///   - float32 or float64 [n][3 or more], the columns being x, y, z;
+///   - a structured array [n] with such fields x, y, z of one type, e.g. of a PointCloud2;
+///   - three such arrays [n]: a tuple or list (x, y, z).
 /// Points are copied only if a PointsView cannot express their layout.
 class GivenPoints {
  public:
@@ -34,11 +34,14 @@ class GivenPoints {
  private:
   void take_axes(nb::handle points);
   void take_columns(int64_t count, const std::array<int64_t, 3>& offsets);
+  void check_shape(nb::handle points, const nb::tuple& shape) const;
+  float number_at(const char* address) const;
 
   nb::object owner_;
   // First point of an array; offsets to the next point and to the intensity [bytes].
   const char* base_ = nullptr;
   int64_t stride_ = 0;
+  bool is_double_ = false;
   std::optional<int64_t> intensity_;
   PointCloud copy_;
   PointsView view_;

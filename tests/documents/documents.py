@@ -40,8 +40,8 @@ sys.path.insert(0, str(ROOT / 'bench'))
 import tables  # noqa: E402
 
 # Commands of other projects, in blocks that are not run.
-FOREIGN = {'apt', 'apt-get', 'cd', 'cpack', 'dpkg', 'dpkg-deb', 'env', 'for', 'g++', 'git', 'grep', 'man', 'pip',
-           'pkg-config', 'python3', 'source', 'sudo', 'xargs'}
+FOREIGN = {'apt', 'apt-get', 'cd', 'colcon', 'cpack', 'dpkg', 'dpkg-deb', 'env', 'for', 'g++', 'git', 'grep', 'ln', 'man', 'pip',
+           'pkg-config', 'python3', 'ros2', 'source', 'sudo', 'xargs'}
 POSES_OF_KITTI_00 = 4541
 SENTENCE_WORDS = 25
 CELL_WORDS = 12

@@ -43,15 +43,20 @@ struct Given {
   explicit Given(Bytes& bytes) {
     for (size_t* offset : {&view.x, &view.y, &view.z}) *offset = bytes.up_to(40);
     view.stride = bytes.up_to(48);
-    const size_t last = std::max({view.x, view.y, view.z}) + sizeof(float);
-    view.count = bytes.number<uint16_t>() % 2000;
+    const auto code = bytes.number<uint16_t>();
+    view.count = code % 2000;
+    view.is_double = code >= 32000;
+    const size_t size = view.is_double ? sizeof(double) : sizeof(float);
+    const size_t last = std::max({view.x, view.y, view.z}) + size;
     fits = view.stride >= last;
     if (!fits || view.count == 0) return;
     memory.resize((view.count - 1) * view.stride + last);
     for (size_t i = 0; i < view.count; ++i)
       for (const size_t offset : {view.x, view.y, view.z}) {
         const float value = coordinate(bytes);
-        std::memcpy(&memory[i * view.stride + offset], &value, sizeof value);
+        const double wide = 3.0 * value;  // may be too large for a float
+        const void* from = view.is_double ? static_cast<const void*>(&wide) : &value;
+        std::memcpy(&memory[i * view.stride + offset], from, size);
       }
     view.data = memory.data();
   }

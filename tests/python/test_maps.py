@@ -69,7 +69,23 @@ class Recognizing(unittest.TestCase):
         map_.describe(room(1))
         self.assertRegex(map_.warnings[0], f'^sensor: {map_.sensor} [(].')
         self.assertEqual(map_.sensor, revisit.recognition.choose_ring_model([room(1)])[0])
-        self.assertEqual(revisit.open_map(None, 'vlp16').sensor, 'vlp16')
+        self.assertEqual([revisit.open_map(None, name).sensor for name in ('vlp16', 'auto')], ['vlp16', ''])
+
+    def test_views_and_frames_that_cannot_be_are_reported(self):
+        scan = room(1)
+        for given, warning in ((scan + [100, 0, 0, 0], 'in the frame of a map'), (scan, None)):
+            map_ = revisit.open_map(None, 'vlp16')
+            detector = revisit.LoopDetector(map_)
+            detector.take(given, frame=3)
+            self.assertEqual(detector.take(given).error, '')  # frame 4
+            self.assertEqual([warning in text for text in map_.warnings], [True] if warning else [])
+            for frame in (4, 3):
+                with self.assertRaisesRegex(revisit.UsageError, f'frame {frame}: expected frames that ascend, .* after 4'):
+                    detector.take(scan, frame=frame)
+        for sensor in (None, 'vlp16'):
+            self.assertIn('millimeters', revisit.LoopDetector(sensor=sensor).take(scan * 1000, frame=0).error)
+        with self.assertRaisesRegex(revisit.UsageError, "give it to open_map"):
+            revisit.LoopDetector(map_, sensor='vlp16')
 
     def test_nothing_is_found_in_nothing(self):
         map_ = revisit.open_map()

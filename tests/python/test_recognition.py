@@ -16,9 +16,9 @@ from revisit.engine import Precision
 from scans import room
 
 
-def structured(points):
+def structured(points, kind='f4'):
     """Returns an array like that of a driver: more fields around x, y, z, no padding."""
-    scan = np.zeros(len(points), [('stamp', 'u2'), ('x', 'f4'), ('y', 'f4'), ('z', 'f4'), ('ring', 'u1')])
+    scan = np.zeros(len(points), [('stamp', 'u2'), ('x', kind), ('y', kind), ('z', kind), ('ring', 'u1')])
     for i, axis in enumerate('xyz'):
         scan[axis] = points[:, i]
     return scan
@@ -57,7 +57,12 @@ class Points(unittest.TestCase):
             'structured': structured(p), 'every other': np.repeat(structured(p), 2)[::2],
             'tuple': tuple(p[:, :3].T), 'tuple of fields': tuple(structured(p)[axis] for axis in 'xyz'),
             'list': [p[:, 0].copy(), p[:, 1], p[:, 2]],
-            'backwards': p[::-1]}
+            'backwards': p[::-1], 'doubles': p.astype(np.float64), 'doubles backwards': p.astype(np.float64)[::-1],
+            'columns of doubles': np.asfortranarray(p[:, :3].astype(np.float64)),
+            'a point per column': np.ascontiguousarray(p[:, :3].T.astype(np.float64)).T,
+            'structured doubles': structured(p, 'f8'), 'tuple of doubles': tuple(p[:, :3].T.astype(np.float64)),
+            'tuple of fields of doubles': tuple(structured(p, 'f8')[axis] for axis in 'xyz'),
+            'structured, with more doubles': structured(p, 'f8')[['y', 'x', 'z', 'stamp']]}
         read_only = p.copy()
         read_only.flags.writeable = False
         layouts['read-only'] = read_only
@@ -66,12 +71,16 @@ class Points(unittest.TestCase):
 
     def test_others_are_refused(self):
         p = self.points
-        for wrong in (p.astype(np.float64), p.astype('>f4'), p.tolist()[:5], 'scan', None, 7,
+        mixed = np.zeros(5, [('x', 'f4'), ('y', 'f8'), ('z', 'f4')])
+        for wrong in (mixed, (p * 1000).astype(np.int32), p.astype('>f4'), p.astype('>f8'), p.tolist()[:5], 'scan', None, 7,
                       structured(p)[['x', 'y']], (p[:, 0], p[:, 1]), p.astype(np.float16)):
             with self.assertRaises(TypeError, msg=repr(wrong)[:60]):
                 recognition.project(wrong)
-        for wrong in (p[:, :2], p.ravel(), p[None], structured(p)[None], (p[:, 0], p[:, 1], p[1:, 2])):
+        for wrong in (p[:, :2], p.ravel(), p[None], structured(p)[None], (p[:, 0], p[:, 1], p[1:, 2]), (p, p, p)):
             with self.assertRaises(ValueError, msg=repr(wrong)[:60]):
+                recognition.project(wrong)
+        for wrong in (p.T, p[:, :3].T, p[:, :3].T.astype(np.float64).copy()):
+            with self.assertRaisesRegex(ValueError, r'found float.* array of shape .*, which has a column for each point; use x\.T'):
                 recognition.project(wrong)
         only_interface = SimpleNamespace(__array_interface__=p.__array_interface__)
         for wrong in (only_interface, np.ndarray):
@@ -81,8 +90,8 @@ class Points(unittest.TestCase):
         for wrong in (masked, tuple(masked[:, :3].T)):
             with self.assertRaisesRegex(TypeError, r'masked array, .*filled\(value\)'):
                 recognition.project(wrong)
-        with self.assertRaisesRegex(TypeError, r'found float64 array of shape \(57600, 4\)'):
-            recognition.project(p.astype(np.float64))
+        with self.assertRaisesRegex(TypeError, r'found float16 array of shape \(57600, 4\)'):
+            recognition.project(p.astype(np.float16))
 
     def test_arrays_of_a_gpu_are_refused(self):
         column = OnGpu(5)
@@ -200,7 +209,7 @@ class Files(unittest.TestCase):
         packed[:] = points
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / '000000.bin'
-            for layout in (packed, packed[::-1], points, np.asfortranarray(points), np.repeat(points, 2, 1)[:, ::2]):
+            for layout in (packed, packed[::-1], points, points.astype(np.float64), np.asfortranarray(points), np.repeat(points, 2, 1)[:, ::2]):
                 datasets.write_kitti_scan(file, layout)
                 np.testing.assert_array_equal(datasets.read_scan(file), layout)
             datasets.write_kitti_scan(file, points[:, :3])

@@ -83,6 +83,7 @@ struct LoopDetector::Impl {
   std::optional<LocalMap> local_map;
   Verification verification;
   std::optional<int64_t> last;  // index of the entry of the preceding scan
+  std::optional<int64_t> last_frame;
   bool identified = false;
   int64_t loadings = 0;  // Map::refresh() at the latest scan
   // frame -> index of its scans that the map had before; `ahead`: those not reached yet.
@@ -140,6 +141,10 @@ LoopDetector::Impl::Impl(std::unique_ptr<Map> own, Map& used, const LoopDetector
 }
 
 Detection LoopDetector::Impl::take(const PointsView& given, const ScanStamp& stamp) {
+  if (last_frame && stamp.frame <= *last_frame)
+    throw UsageError("frame ", stamp.frame, ": expected frames that ascend, found it after ",
+                     *last_frame, "; give each scan of a drive the next number");
+  last_frame = stamp.frame;
   if (local_map && !stamp.pose)
     return {.error = str("scan ", stamp.frame, " has no pose; a local map needs one")};
   const PointsView points = local_map ? local_map->add(given, *stamp.pose) : given;

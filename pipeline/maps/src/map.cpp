@@ -1,6 +1,7 @@
 #include "revisit/maps/map.h"
 
 #include <algorithm>
+#include <atomic>
 #include <charconv>
 #include <iostream>
 #include <mutex>
@@ -54,6 +55,8 @@ class ScanDescriber {
     scan.feature.resize(static_cast<size_t>(extractor_.dim));
     try {
       if (std::ranges::none_of(worker->cloud.points, is_return)) throw InputError(kNoPoints);
+      if (const std::string defect = find_unit_defect(worker->cloud); !defect.empty())
+        throw InputError(defect);
       worker->describe(worker->cloud, scan.feature);
       if (!is_usable(scan.feature)) throw InputError("its feature has ", kTooLarge);
     } catch (const InputError& error) {
@@ -154,6 +157,7 @@ struct Map::Impl {
   mutable std::shared_mutex mutex;  // guards the following members
   MapOptions options;
   std::unique_ptr<Described> described;  // null: the sensor is not known
+  std::atomic<bool> checks_view = false;
 
   Impl(std::filesystem::path path, const MapOptions& chosen, const MapStore::Warn& say)
       : file(std::move(path)), warn(or_standard_error(say)), options(chosen) {
@@ -187,6 +191,7 @@ struct Map::Impl {
     copy_points(points, scans.front());
     const auto returns = std::ranges::count_if(scans.front().points, is_return);
     if (returns == 0) return kNoPoints;
+    if (std::string defect = find_unit_defect(scans.front()); !defect.empty()) return defect;
     transform(options.mount, scans.front());
     if (const std::string of_map = sensor_of_map(file, options.access); !of_map.empty()) {
       open_rings(of_map);  // another process has made it meanwhile
@@ -203,6 +208,15 @@ struct Map::Impl {
     return "";
   }
 
+  /// Warns of the first scan.
+  void check_view(const PointsView& points) {
+    if (!checks_view.exchange(false)) return;
+    std::vector<PointCloud> scans(1);
+    copy_points(points, scans.front());
+    transform(options.mount, scans.front());
+    if (const std::string defect = find_view_defect(scans); !defect.empty()) warn(defect);
+  }
+
   Described& known() const {
     if (described) return *described;
     throw UsageError("the map has no entries, and its sensor is not known; describe a scan first");
@@ -211,9 +225,11 @@ struct Map::Impl {
 
 Map::Map(const std::filesystem::path& file, const MapOptions& options, const MapStore::Warn& warn)
     : impl_(std::make_unique<Impl>(file, options, warn)) {
-  const std::string sensor =
-      options.sensor.empty() ? sensor_of_map(file, options.access) : options.sensor;
+  const bool is_auto = options.sensor.empty() || options.sensor == "auto";
+  const std::string sensor = is_auto ? sensor_of_map(file, options.access) : options.sensor;
+  if (is_auto) impl_->options.sensor.clear();
   if (!sensor.empty()) impl_->open_rings(sensor);
+  impl_->checks_view = true;
 }
 
 Map::Map(FeatureExtractor extractor, const MapOptions& options, std::unique_ptr<MapStore>&& map,
@@ -260,7 +276,9 @@ Description Map::describe(const PointsView& points) const {
   if (extractor() == nullptr)
     if (std::string error = impl_->find_sensor(points); !error.empty())
       return {.error = std::move(error)};
-  return impl_->described->describer.describe(points);
+  Description description = impl_->described->describer.describe(points);
+  if (description.described()) impl_->check_view(points);
+  return description;
 }
 
 std::vector<int64_t> Map::add(std::vector<MapEntry> entries, const std::string& made_by) {

@@ -61,11 +61,17 @@ ScanStamp stamp_at(double x, int64_t frame) {
   return {.frame = frame, .time = {}, .pose = Eigen::Isometry3d(Eigen::Translation3d(x, 0, 0))};
 }
 
-Detection take(LoopDetector& detector, double angle, const ScanStamp& stamp = {}) {
+/// Below the frames that tests give.
+ScanStamp next_stamp() {
+  static int64_t frame = -1'000'000;
+  return {.frame = ++frame};
+}
+
+Detection take(LoopDetector& detector, double angle, const ScanStamp& stamp = next_stamp()) {
   return detector.take(view_of(room(angle)), stamp);
 }
 
-int64_t match_of(LoopDetector& detector, double angle, const ScanStamp& stamp = {}) {
+int64_t match_of(LoopDetector& detector, double angle, const ScanStamp& stamp = next_stamp()) {
   const Detection found = take(detector, angle, stamp);
   EXPECT_TRUE(found.index) << found.error;
   return found.loop ? found.loop->index : -1;
@@ -122,7 +128,7 @@ TEST(LoopDetector, RegistersSimilarEntries) {
 
   OnMap another({.exclusion = kNone, .verify = true});
   take(another.detector, 2);
-  const Detection elsewhere = another.detector.take(view_of(stretched(2, 2.5)), {});
+  const Detection elsewhere = another.detector.take(view_of(stretched(2, 2.5)), next_stamp());
   ASSERT_TRUE(elsewhere.loop && elsewhere.registered);
   EXPECT_FALSE(elsewhere.registered->fits || elsewhere.accepted);
   EXPECT_EQ(elsewhere.rejection, "registration");
@@ -145,7 +151,7 @@ TEST(LoopDetector, PrefersAcceptedRegistrations) {
         return !floor && !is_seen(p);
       });
       cloud.points.insert(cloud.points.begin(), room(angle).points[0]);
-      return on.detector.take(view_of(cloud), {});
+      return on.detector.take(view_of(cloud), next_stamp());
     };
     take(corner_at, [](const Point& p) { return p.x > 9.9F || (p.y > 7.9F && p.x > -4); });
     take(-1.05, [](const Point& p) { return std::abs(p.x) < 9.9F; });
@@ -339,7 +345,7 @@ TEST(LoopDetector, FindsLoopsInAMapByPath) {
                            .warn = into(messages)});
     EXPECT_TRUE(detector.verifies());
     EXPECT_EQ(detector.threshold(), verified_calibration().threshold_for(0.99));
-    return take(detector, 1);
+    return take(detector, 1, {});
   };
   EXPECT_FALSE(session("monday", {}, true).loop);
   // With the points of monday.
@@ -396,7 +402,7 @@ TEST(LoopDetector, AccumulatesTheLastMeters) {
   EXPECT_NEAR(std::ranges::max(middle), 42, 0.6);
 
   OnMap on({}, {.local_map = 20});
-  EXPECT_HAS(on.detector.take(view_of(cloud), {.frame = 5}).error, "scan 5 has no pose");
+  EXPECT_HAS(on.detector.take(view_of(cloud), {.frame = -5}).error, "scan -5 has no pose");
   PointCloud one;
   one.points.push_back({20, 0, 0, 0});
   for (const int x : {0, 1}) {
@@ -521,6 +527,19 @@ TEST(LoopDetector, AddsOneScanOfAFirstHalt) {
   EXPECT_TRUE(next(2).index) << "now halts are stored";
 }
 
+TEST(LoopDetector, FramesAscendAndPointsAreInMeters) {
+  OnMap on({.exclusion = kNone});
+  take(on.detector, 2, {.frame = 7});
+  for (const int64_t frame : {7, 6, -1})
+    expect_error<UsageError>([&] { take(on.detector, 2, {.frame = frame}); },
+                             {str("frame ", frame), "ascend", "after 7"});
+  PointCloud millimeters = room(2);
+  for (Point& p : millimeters.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z};
+  const Detection found = on.detector.take(view_of(millimeters), {.frame = 8});
+  EXPECT_HAS(found.error, "millimeters");
+  EXPECT_FALSE(found.index);
+}
+
 TEST(LoopDetector, RejectsEntriesWithoutPoints) {
   OnMap on({.exclusion = kNone, .verify = true, .keep_clouds = false});
   EXPECT_EQ(take(on.detector, 2).rejection, "");
@@ -537,8 +556,8 @@ TEST(LoopDetector, TransformsResultsToSensorFrames) {
   PointCloud entry = room(2), query = entry;
   transform(mount.inverse(), entry);
   transform(mount.inverse() * moved.inverse(), query);
-  on.detector.take(view_of(entry), {});
-  const Detection found = on.detector.take(view_of(query), {});
+  on.detector.take(view_of(entry), next_stamp());
+  const Detection found = on.detector.take(view_of(query), next_stamp());
   ASSERT_TRUE(found.registered);
   EXPECT_TRUE(found.registered->fits) << found.registered->inlier_ratio;
   const Eigen::Isometry3d expected = mount.inverse() * moved * mount;
@@ -546,8 +565,8 @@ TEST(LoopDetector, TransformsResultsToSensorFrames) {
   // A small motion of the query has the same information as with mounted points.
   transform(mount, entry);
   transform(mount, query);
-  mounted.detector.take(view_of(entry), {});
-  const Detection same = mounted.detector.take(view_of(query), {});
+  mounted.detector.take(view_of(entry), next_stamp());
+  const Detection same = mounted.detector.take(view_of(query), next_stamp());
   ASSERT_TRUE(same.registered);
   const auto square = [](const Detection& of, const Eigen::Isometry3d& moves) {
     const Eigen::AngleAxisd turn(moves.rotation());

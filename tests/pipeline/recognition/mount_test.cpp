@@ -73,7 +73,8 @@ TEST(Mount, NamesTheMountOfATiltedView) {
     }
     PointCloud millimeters = scan;
     for (Point& p : millimeters.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z, 0};
-    EXPECT_HAS(find_view_defect({millimeters}), "millimeters");
+    EXPECT_HAS(find_unit_defect(millimeters), "millimeters");
+    EXPECT_EQ(find_unit_defect(scan), "");
   }
   // A corridor's walls and a tunnel's ceiling are not ground.
   for (const double half_width : {1.5, 2.5, 4.0})

@@ -493,6 +493,15 @@ TEST(Points, AreTakenWhereTheyLie) {
   const Eigen::Matrix3Xf columns = Eigen::Matrix3Xf::Random(3, 5);
   copy_points({columns.data(), 5, 3 * sizeof(float)}, cloud);
   EXPECT_EQ(cloud.points[4].z, columns(2, 4));
+  const std::vector<Eigen::Vector3d> doubles = {{1, 2, 3}, {4, 5, 6.5}};
+  copy_points(view_of(doubles), cloud);
+  EXPECT_EQ(cloud.points[1].x, 4);
+  EXPECT_EQ(cloud.points[1].z, 6.5);
+  expect_error<UsageError>(
+      [&] {
+        copy_points({doubles.data(), 2, 24, 0, 8, 20, true}, cloud);
+      },
+      {"stride", "28", "24"});
   expect_error<UsageError>([&] { copy_points({packed, 2, 8}, cloud); }, {"stride", "12", "8"});
   expect_error<UsageError>([&] { copy_points({nullptr, 2}, cloud); }, {"2 points without data"});
   copy_points({}, cloud);

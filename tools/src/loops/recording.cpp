@@ -194,6 +194,10 @@ class RecordedStream {
     ScanRef scan;
     scan.file = line.source();
     scan.frame = line.frame();
+    if (scans_ > 0 && scan.frame <= frame_)
+      throw InputError(line.source(), ": expected frames that ascend, found ", scan.frame,
+                       " after ", frame_);
+    frame_ = scan.frame;
     if (line.has_time()) scan.time = line.time();
     if (line.pose_size() > 0) scan.pose = pose_of(line);
     ++scans_;
@@ -257,6 +261,7 @@ class RecordedStream {
   std::string source_;
   std::function<std::string()> ending_;
   int64_t scans_ = 0;
+  int frame_ = 0;  // of the last scan
   bool ended_ = false;
 };
 

@@ -48,7 +48,7 @@ ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience)
   using Clock = std::chrono::steady_clock;
   struct Watch {
     std::set<fs::path> handed_over;
-    std::set<int> frames;  // of those handed over
+    std::optional<int> frame;  // of the last one
     std::deque<ScanRef> ready;
     uintmax_t size = 0;               // of the newest file at the last look
     std::optional<InputError> error;  // of the last look; a later look may succeed
@@ -70,9 +70,9 @@ ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience)
     watch.size = size;
     for (ScanRef& scan : scans) {
       watch.handed_over.insert(scan.file);
-      // Files without numbers are counted, so a late file can get the number of another.
-      if (!watch.frames.insert(scan.frame).second)
-        watch.frames.insert(scan.frame = *watch.frames.rbegin() + 1);
+      // Files without numbers are counted, and files may come late: frames ascend nevertheless.
+      if (watch.frame && scan.frame <= *watch.frame) scan.frame = *watch.frame + 1;
+      watch.frame = scan.frame;
       watch.ready.push_back(std::move(scan));
     }
   };

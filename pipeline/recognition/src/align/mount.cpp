@@ -16,12 +16,6 @@ namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 
-double middle_of(std::vector<double>& values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
-
 struct Plane {
   double fraction = 0;  // points within 30 m: fraction within 0.2 m of it minus fraction below it
   double above = 0;     // fraction of all points more than 3 m above it
@@ -108,6 +102,20 @@ bool is_seen_from_afar(const PointCloud& scan) {
   return *nearest > kFar && seen < 10;
 }
 
+template <class Number>
+void copy_coordinates(const PointsView& points, PointCloud& cloud) {
+  const auto* from = static_cast<const std::byte*>(points.data);
+  const auto at = [&](size_t offset) {
+    Number value;
+    std::memcpy(&value, from + offset, sizeof value);  // may be unaligned
+    return static_cast<float>(value);
+  };
+  for (Point& point : cloud.points) {
+    point = {at(points.x), at(points.y), at(points.z), 0};
+    from += points.stride;
+  }
+}
+
 }  // namespace
 
 Eigen::Isometry3d parse_mount(const std::string& text) {
@@ -144,24 +152,29 @@ void transform(const Eigen::Isometry3d& T, PointCloud& cloud) {
   }
 }
 
+std::string find_unit_defect(const PointCloud& cloud) {
+  constexpr float kMaxRange = 500;  // [m]
+  int64_t returns = 0, far = 0;
+  for (const Point& p : cloud.points) {
+    if (!is_return(p)) continue;
+    ++returns;
+    far += std::hypot(p.x, p.y, p.z) > kMaxRange ? 1 : 0;
+  }
+  return far > returns / 2 ? "half of the points are farther than 500 m: coordinates must be in "
+                             "meters; these may be millimeters"
+                           : "";
+}
+
 std::string find_view_defect(const std::vector<PointCloud>& scans) {
-  constexpr double kMaxRange = 500;  // [m]
-  std::vector<double> ranges;
-  for (const PointCloud& scan : scans)
-    for (const Point& p : scan.points)
-      if (is_return(p)) ranges.push_back(std::hypot(p.x, p.y, p.z));
-  if (ranges.empty()) return "";
   if (std::ranges::any_of(scans, is_seen_from_afar))
     return "all points of a scan are far from the origin, on one side: they are in the frame of a "
            "map, not of the sensor";
-  if (const double middle = middle_of(ranges); middle > kMaxRange)
-    return str("half of the points are farther than ", std::lround(middle),
-               " m: coordinates must be in meters; these may be millimeters");
   return misfit_of_axes(scans);
 }
 
 void copy_points(const PointsView& points, PointCloud& cloud) {
-  const size_t last = std::max({points.x, points.y, points.z}) + sizeof(float);
+  const size_t last = std::max({points.x, points.y, points.z}) +
+                      (points.is_double ? sizeof(double) : sizeof(float));
   if (points.stride < last)
     throw UsageError("points: expected a stride of at least ", last,
                      " bytes for the coordinates, found ", points.stride);
@@ -170,14 +183,10 @@ void copy_points(const PointsView& points, PointCloud& cloud) {
   cloud.points.resize(points.count);
   cloud.times.clear();
   if (!points.data) return;
-  const auto* from = static_cast<const std::byte*>(points.data);
-  for (Point& point : cloud.points) {
-    std::memcpy(&point.x, from + points.x, sizeof(float));  // may be unaligned
-    std::memcpy(&point.y, from + points.y, sizeof(float));
-    std::memcpy(&point.z, from + points.z, sizeof(float));
-    point.intensity = 0;
-    from += points.stride;
-  }
+  if (points.is_double)
+    copy_coordinates<double>(points, cloud);
+  else
+    copy_coordinates<float>(points, cloud);
 }
 
 }  // namespace revisit

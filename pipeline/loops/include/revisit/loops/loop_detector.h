@@ -19,7 +19,7 @@
 namespace revisit {
 
 struct ScanStamp {
-  int64_t frame = 0;
+  int64_t frame = 0;                      // ascends in a drive
   std::optional<double> time;             // [s]
   std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
 };
@@ -130,8 +130,9 @@ class LoopDetector {
   /// and the feature estimates no relative yaw.
   LoopDetector(Map& map, const LoopDetectorOptions& options);
   ~LoopDetector();
-  /// Throws what Map::add() throws, and UsageError if the exclusion needs a time or a pose that
-  /// `scan` lacks. With local maps, a scan without a pose is not described.
+  /// Throws what Map::add() throws, and UsageError if its frame is not above that of the scan
+  /// before or the exclusion needs a time or a pose that `scan` lacks. With local maps, a scan
+  /// without a pose is not described.
   Detection take(const PointsView& points, const ScanStamp& scan);
   /// Compares a scan with all entries and does not add it. A map of local maps needs the points of
   /// one, accumulated by the caller.

@@ -21,9 +21,9 @@
 namespace revisit {
 
 struct MapOptions {
-  /// Sensor of a shipped ring model. "": that of the map, else choose_ring_model() decides by the
-  /// first scan with at least 500 returns; scans before it are not described. Local maps of any
-  /// sensor have hdl64 (docs/SLAM.md).
+  /// Sensor of a shipped ring model. "" or "auto": that of the map, else choose_ring_model()
+  /// decides by the first scan with at least 500 returns; scans before it are not described. Local
+  /// maps of any sensor have hdl64 (docs/SLAM.md).
   std::string sensor;
   MapAccess access = MapAccess::kWrite;
   int threads = 1;  // to describe a scan

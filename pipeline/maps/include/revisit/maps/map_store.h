@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <concepts>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -11,6 +12,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "revisit/base/error.h"
@@ -163,6 +165,12 @@ std::string display_name(const std::filesystem::path& map);
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapFingerprint* fingerprint = nullptr,
                                    DescriptorType format = DescriptorType::kFloat32);
+template <std::convertible_to<std::string_view> Sensor>
+void open_map(const std::filesystem::path&, const Sensor&) {
+  static_assert(!std::is_same_v<Sensor, Sensor>,
+                "open_map() opens entries; for a LoopDetector write: "
+                "revisit::Map map(\"site.map\", {.sensor = \"vlp16\"});");
+}
 
 /// Reads the descriptor projection of a map. Throws InputError if its warm-up is not complete or
 /// its fingerprint differs.

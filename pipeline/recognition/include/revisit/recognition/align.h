@@ -42,8 +42,11 @@ Eigen::Isometry3d parse_mount(const std::string& text);
 /// Leaves points without a return unchanged.
 void transform(const Eigen::Isometry3d& T, PointCloud& cloud);
 
-/// Returns the defect and its fix, or "": millimeters, camera axes, a sensor mounted upside down,
-/// or points in a map frame (some scans lie far from its origin).
+/// Returns the defect and its fix, or "": half of the points are farther than 500 m.
+std::string find_unit_defect(const PointCloud& cloud);
+
+/// Returns the defect and its fix, or "": camera axes, a sensor mounted upside down, or points in a
+/// map frame (some scans lie far from its origin).
 std::string find_view_defect(const std::vector<PointCloud>& scans);
 
 }  // namespace revisit

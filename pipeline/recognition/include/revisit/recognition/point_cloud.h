@@ -1,7 +1,9 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cmath>
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace revisit {
@@ -31,8 +33,9 @@ inline const float* as_floats(const PointCloud& cloud) {
   return cloud.points.empty() ? nullptr : &cloud.points.front().x;
 }
 
-/// View of a scan's points in the memory of a driver or another library: floats x, y, z in the
-/// sensor frame [m], `stride` bytes from one point to the next. It does not own the memory.
+/// View of a scan's points in the memory of a driver or another library: x, y, z in the sensor
+/// frame [m], float or double, `stride` bytes from one point to the next. It does not own the
+/// memory.
 ///
 ///   sensor_msgs::msg::PointCloud2 m;  PointsView{m.data.data(), m.width * m.height, m.point_step}
 ///   pcl::PointCloud<pcl::PointXYZ> c; PointsView{c.data(), c.size(), sizeof(pcl::PointXYZ)}
@@ -42,10 +45,17 @@ struct PointsView {
   size_t count = 0;
   size_t stride = sizeof(Point);
   size_t x = 0, y = sizeof(float), z = 2 * sizeof(float);  // offsets in a point [bytes]
+  bool is_double = false;                                  // of the coordinates
 };
 
 inline PointsView view_of(const PointCloud& cloud) {
   return {cloud.points.data(), cloud.points.size()};
+}
+
+/// Of the points of KISS-ICP and others.
+inline PointsView view_of(std::span<const Eigen::Vector3d> points) {
+  constexpr size_t kBytes = sizeof(double);
+  return {points.data(), points.size(), sizeof(Eigen::Vector3d), 0, kBytes, 2 * kBytes, true};
 }
 
 /// Copies points to `cloud` and reuses its memory. Throws UsageError for offsets beyond the stride.
