@@ -1,4 +1,5 @@
 // The ROS 2 node of examples/ros2, and its parts without ROS.
+#include <bit>
 #include <random>
 
 #include "testing.h"
@@ -124,24 +125,31 @@ TEST(Ros2Messages, HaveTheTimesOfTheirPoints) {
   PointCloud cloud;
   for (int i = 0; i < 3; ++i) cloud.points.push_back({1, 2, 3});
   const double start = seconds(kStart);
+  const auto times_in = [](StampedScan scan) {
+    set_times(scan.times, point_times_of({&scan.times, 1}), scan.cloud);
+    return scan.cloud.times;
+  };
   for (const auto& [time, values] :
        {std::pair(Field{"t", kUint32}, std::vector<double>{0, 5e7, 1e8}),
         std::pair(Field{"time", kFloat32}, std::vector<double>{0, 0.05, 0.1}),
         std::pair(Field{"timestamp", kFloat64},
                   std::vector<double>{start, start + 0.05, start + 0.1}),
         std::pair(Field{"t", kInt32}, std::vector<double>{-1e8, -5e7, 0})}) {
-    const std::vector<float> times =
-        scan_of(message_of(cloud, kStart, kFloat32, time, values), kStart).cloud.times;
+    const auto times = times_in(scan_of(message_of(cloud, kStart, kFloat32, time, values), kStart));
     ASSERT_EQ(times.size(), 3) << time.name;
     EXPECT_NEAR(times[2] - times[0], 0.1, 1e-6) << time.name;
     EXPECT_NEAR(times[0], time.type == kInt32 ? -0.1 : 0, 1e-6) << time.name;
   }
+  PointCloud2 two = message_of(cloud, kStart, kFloat32, {"timestampSec", kUint32}, {7, 7, 8});
+  EXPECT_EQ(scan_of(two, kStart).times.field, "") << "without nanoseconds";
+  two.fields.push_back({"timestampNsec", 0, kUint32});  // the bytes of x
+  const double ns = 7e9 + std::bit_cast<uint32_t>(1.0F);
+  EXPECT_EQ(scan_of(two, kStart).times.values[1], ns);
   livox_ros_driver2::msg::CustomMsg livox;
   for (const uint32_t offset : {0U, 50'000'000U, 100'000'000U})
     livox.points.push_back({offset, 4, 5, 6});
   const StampedScan scan = livox_scan_of(livox, kStart);
-  ASSERT_EQ(scan.cloud.times.size(), 3);
-  EXPECT_NEAR(scan.cloud.times[1], 0.05, 1e-6);
+  EXPECT_NEAR(times_in(scan).at(1), 0.05, 1e-6);
   EXPECT_EQ(scan.cloud.points[2].z, 6);
 }
 
@@ -214,11 +222,8 @@ TEST(Ros2FrontEnd, DeskewsScansOnceTheirPosesAreKnown) {
         [&](const FrontEnd::Result& result) { results.push_back(result); });
   };
   const auto add = [&](int64_t stamp) {
-    StampedScan scan{.stamp = stamp};
-    for (const float time : {0.0F, 0.1F}) {
-      scan.cloud.points.push_back({5, 1, 0, 0});
-      scan.cloud.times.push_back(time);
-    }
+    StampedScan scan{.stamp = stamp, .cloud = {}, .times = {"time", {0, 0.1}, seconds(stamp)}};
+    scan.cloud.points = {{5, 1, 0, 0}, {5, 1, 0, 0}};
     front_end.add(scan);
     process();
   };
@@ -228,6 +233,7 @@ TEST(Ros2FrontEnd, DeskewsScansOnceTheirPosesAreKnown) {
   known += kSecond;
   process();
   ASSERT_EQ(results.size(), 2);
+  EXPECT_HAS(front_end.point_times().text, "field time, s");
   EXPECT_EQ(seen[0].points[1].x, 5) << "no motion is known before the first scan";
   EXPECT_NEAR(seen[1].points[0].x, 5, 1e-5);
   EXPECT_NEAR(seen[1].points[1].x, 6, 1e-5) << "1 m farther on after 0.1 s";

@@ -21,12 +21,12 @@ inline double seconds(int64_t nanoseconds) {
 struct StampedScan {
   int64_t stamp = 0;
   PointCloud cloud;
+  RecordedTimes times;  // of the points
 };
 
 enum : uint8_t { kInt32 = 5, kUint32, kFloat32, kFloat64 };  // sensor_msgs/PointField
 
 /// Throws UsageError unless it has x, y and z, float32 or float64, and the bytes of its header.
-/// Times of points are read if their unit is clear (point_times()).
 template <class PointCloud2>
 StampedScan scan_of(const PointCloud2& m, int64_t stamp) {
   const auto find = [&](const std::string& name) {
@@ -47,11 +47,21 @@ StampedScan scan_of(const PointCloud2& m, int64_t stamp) {
   const size_t step = m.height > 1 && m.row_step > 0 ? m.row_step : bytes;
   if (bytes > step || m.data.size() < bytes || (m.data.size() - bytes) / step + 1 < m.height)
     throw UsageError("points: the message is shorter than its header states");
-  decltype(x) time = nullptr;
+  decltype(x) time = nullptr, nanoseconds = find("timestampNsec");
   for (const char* name : kPointTimeNames)
-    if (!time) time = find(name);
+    if (!time && (name != std::string("timestampSec") || nanoseconds)) time = find(name);
+  if (time) scan.times = {.field = time->name, .values = {}, .stamp = seconds(stamp)};
+  const auto number = [&](const auto* field, const uint8_t* point) {
+    const auto as = [&](auto value) {
+      std::memcpy(&value, point + field->offset, sizeof value);
+      return static_cast<double>(value);
+    };
+    return field->datatype == kFloat64   ? as(double{})
+           : field->datatype == kFloat32 ? as(float{})
+           : field->datatype == kUint32  ? as(uint32_t{})
+                                         : as(int32_t{});
+  };
   PointCloud part;
-  std::vector<double> times;
   for (size_t i = 0; i < m.height; ++i) {
     const uint8_t* row = m.data.data() + i * step;
     copy_points(
@@ -59,30 +69,23 @@ StampedScan scan_of(const PointCloud2& m, int64_t stamp) {
         part);
     scan.cloud.points.insert(scan.cloud.points.end(), part.points.begin(), part.points.end());
     for (size_t k = 0; time && k < m.width; ++k) {
-      const auto as = [from = row + k * m.point_step + time->offset](auto value) {
-        std::memcpy(&value, from, sizeof value);
-        return static_cast<double>(value);
-      };
-      times.push_back(time->datatype == kFloat64   ? as(double{})
-                      : time->datatype == kFloat32 ? as(float{})
-                      : time->datatype == kUint32  ? as(uint32_t{})
-                                                   : as(int32_t{}));
+      const uint8_t* point = row + k * m.point_step;
+      scan.times.values.push_back(scan.times.field == "timestampSec"
+                                      ? 1e9 * number(time, point) + number(nanoseconds, point)
+                                      : number(time, point));
     }
   }
-  if (time) scan.cloud.times = point_times(times, time->datatype < kFloat32, seconds(stamp));
   return scan;
 }
 
 /// Of a livox_ros_driver2/CustomMsg.
 template <class CustomMsg>
 StampedScan livox_scan_of(const CustomMsg& m, int64_t stamp) {
-  StampedScan scan{.stamp = stamp};
-  std::vector<double> offsets;
+  StampedScan scan{.stamp = stamp, .cloud = {}, .times = {"offset_time", {}, seconds(stamp)}};
   for (const auto& p : m.points) {
     scan.cloud.points.push_back({p.x, p.y, p.z, static_cast<float>(p.reflectivity)});
-    offsets.push_back(p.offset_time);
+    scan.times.values.push_back(p.offset_time);
   }
-  scan.cloud.times = point_times(offsets, true, seconds(stamp));
   return scan;
 }
 
@@ -165,10 +168,18 @@ class FrontEnd {
   }
 
   LoopDetector& detector() { return detector_; }
+  /// By the first three scans.
+  const PointTimes& point_times() const { return point_times_; }
 
  private:
   void take(StampedScan& scan, Result& result) {
     const std::optional<Eigen::Isometry3d>& pose = result.pose;
+    constexpr size_t kDeciding = 3;
+    if (recorded_.size() < kDeciding && !scan.times.field.empty()) {
+      recorded_.push_back(scan.times);
+      point_times_ = point_times_of(recorded_);
+    }
+    if (!scan.times.field.empty()) set_times(scan.times, point_times_, scan.cloud);
     if (pose && before_)
       deskew(before_->second.inverse() * *pose, seconds(scan.stamp - before_->first), scan.cloud);
     if (pose) before_ = {scan.stamp, *pose};
@@ -183,6 +194,8 @@ class FrontEnd {
   LoopDetector detector_;
   const std::optional<double> patience_;
   std::deque<StampedScan> waiting_;
+  std::vector<RecordedTimes> recorded_;
+  PointTimes point_times_;
   std::optional<int64_t> last_;                                  // stamp of the last scan added
   std::optional<std::pair<int64_t, Eigen::Isometry3d>> before_;  // last scan with a pose
 };

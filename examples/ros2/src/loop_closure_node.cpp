@@ -206,6 +206,10 @@ class LoopClosureNode : public rclcpp::Node {
 
   void publish(const FrontEnd::Result& result) {
     if (!result.warning.empty()) warn(result.warning);
+    if (const std::string& text = front_end_->point_times().text; text != times_) {
+      times_ = text;
+      RCLCPP_INFO(get_logger(), "times of points: %s", text.c_str());
+    }
     const Detection& found = result.found;
     const bool is_edge = found.accepted && found.registered;
     if (is_edge) loops_->publish(message_of(found, result.stamp, frame_));
@@ -246,7 +250,8 @@ class LoopClosureNode : public rclcpp::Node {
 
   tf2_ros::Buffer buffer_;
   tf2_ros::TransformListener listener_;
-  std::string poses_, file_, odometry_frame_, body_frame_, base_frame_, frame_;  // of the sensor
+  std::string poses_, file_, odometry_frame_, body_frame_, base_frame_, times_,
+      frame_;  // of the sensor
   double patience_ = 1;
   MapOptions described_;
   LoopDetectorOptions options_;
