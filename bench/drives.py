@@ -14,16 +14,17 @@ RADIUS = 5
 
 
 class Drive:
-    """files: scans in order. starts: first scans of folders. poses: T_world_sensor [n][4][4] in KITTI's world, or None. at [n][2]:
+    """files: scans in order. starts: first scans of folders. poses: T_world_sensor [n][4][4], or None. at [n][2]:
     horizontal position [m]. stored: rows of keyframes. queries: rows. candidates: of each query, the number of `stored` that may
     match."""
 
-    def __init__(self, scans, positions=None, poses=None, listed=None, exclusion='frames=50', keyframes=0, negative_radius=2 * RADIUS):
+    def __init__(self, scans, positions=None, poses=None, listed=None, exclusion='frames=50', keyframes=0, negative_radius=2 * RADIUS,
+                 camera_axes=False):
         self.files, self.frames = [Path(scan.file) for scan in scans], [scan.frame for scan in scans]
         self.starts = [i for i, file in enumerate(self.files) if i == 0 or file.parent != self.files[i - 1].parent]
         self.poses, self.listed, self.negative_radius = poses, listed, negative_radius
-        self.at = None if positions is None else positions[:, [0, 2]]
-        trajectory = evaluation.Trajectory(self.frames, positions)
+        self.at = None if positions is None else positions[:, [0, 2 if camera_axes else 1]]
+        trajectory = evaluation.Trajectory(self.frames, positions, camera_axes=camera_axes)
         trajectory.listed = listed
         task, = evaluation.make_tasks('online', '', trajectory, exclusion=exclusion)
         self.queries, self.blocks = task.queries, evaluation.blocks_of(task, trajectory)
@@ -57,11 +58,12 @@ def open_drive(data, *, trajectory=None, pairs='', keyframes='meters=0', **rule)
         return Drive(scans.scans, listed=evaluation.ListedPairs(listed), **rule)
     if trajectory:
         scans = datasets.open_dataset(data).scans
-        found = poses.in_kitti_world(poses.read_trajectory(trajectory)[1], 'lidar')[[scan.frame for scan in scans]]
+        found = poses.read_trajectory(trajectory)[1][[scan.frame for scan in scans]]
         return Drive(scans, found[:, :3, 3].copy(), found, **rule)
     scans = datasets.open_dataset(data, poses=True).scans
     of_camera = np.array([scan.pose for scan in scans])
-    return Drive(scans, of_camera[:, :3, 3].copy(), of_camera @ poses.read_extrinsic(scans[0].file.parents[1] / 'calib.txt'), **rule)
+    return Drive(scans, of_camera[:, :3, 3].copy(), of_camera @ poses.read_extrinsic(scans[0].file.parents[1] / 'calib.txt'),
+                 camera_axes=True, **rule)
 
 
 def metrics(drive, answers):

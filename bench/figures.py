@@ -322,7 +322,7 @@ def loops(real):
     for axes, title, options in zip(all_axes, ('Single scans (default)', 'Local maps of 10 m (--local-map 10)'),
                                     ((), ('--local-map', '10', '--sensor', 'hdl64'))):
         lines = loops_of(real, *options)
-        at = {line['frame']: (line['position']['x'], line['position']['z']) for line in lines if 'position' in line}
+        at = {line['frame']: (line['position']['x'], line['position']['y']) for line in lines if 'position' in line}
         path = np.array(list(at.values()))
         driven = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
         with_place = [frame for frame, here, s in zip(at, path, driven) if (np.hypot(*(path[driven < s - 50] - here).T) < 5).any()]

@@ -75,7 +75,7 @@ def main():
             path = drifted(truth, turn, longer, rng)
             same = SimpleNamespace(T_place_query=np.eye(4), information=np.diag(SIGMAS ** -2.0))
             wrong = [(len(truth) // 5 + i, len(truth) // 2 + i, same) for i in range(n_wrong)]
-            errors = [slam.fitted(each, poses.AXES_OF_CAMERA @ truth, False)[1] for each in (path, slam.optimized(path, loops + wrong))]
+            errors = [slam.fitted(each, truth, False)[1] for each in (path, slam.optimized(path, loops + wrong))]
             cells.append('{:.1f} -> {:.2f}'.format(*errors))
         print(f'| {Path(file).stem} | {len(loops)} | ' + ' | '.join(cells) + ' |', flush=True)
 

@@ -95,13 +95,13 @@ def optimized(guesses, loops):
 
 def fitted(path, truth, flat):
     """Returns the path aligned with the ground truth, and its absolute trajectory error (RMSE) [m]. flat: planar error."""
-    path, truth = (trajectory.PosePath3D(poses_se3=list(each)) for each in (poses.AXES_OF_CAMERA @ path, truth))
+    path, truth = (trajectory.PosePath3D(poses_se3=list(each)) for each in (path, truth))
     if flat:
-        path.project(trajectory.Plane.XZ), truth.project(trajectory.Plane.XZ)
+        path.project(trajectory.Plane.XY), truth.project(trajectory.Plane.XY)
     path.align(truth)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((truth, path))
-    return path.positions_xyz[:, [0, 2]], ape.get_statistic(metrics.StatisticsType.rmse)
+    return path.positions_xyz[:, :2], ape.get_statistic(metrics.StatisticsType.rmse)
 
 
 def draw(file, paths, loops, title):
@@ -110,7 +110,7 @@ def draw(file, paths, loops, title):
         axes.plot(*path.T, style, label=label, linewidth=width)
     for ends, label in zip(loops, ['loops'] + [None] * len(loops)):
         axes.plot(*paths['corrected'][ends].T, 'o-', color='tab:green', markersize=3, linewidth=1, label=label)
-    axes.set(aspect='equal', adjustable='datalim', title=title, xlabel='x [m]', ylabel='z [m]' if 'truth' in paths else 'y [m]')
+    axes.set(aspect='equal', adjustable='datalim', title=title, xlabel='x [m]', ylabel='y [m]')
     axes.figure.legend(loc='outside lower center', ncols=5)
     axes.figure.savefig(file)
 
@@ -161,8 +161,10 @@ def main():
     paths, error = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}, 'unknown (no poses)'
     truth = np.array([scan.pose for scan in scans if scan.pose is not None])
     if len(truth) == len(path) and len(chosen) > 2:
+        if abs(truth[0, 2, 2]) < abs(truth[0, 1, 2]):  # KITTI's world
+            truth = poses.AXES_OF_CAMERA.T @ truth
         (before, odometry_error), (after, error) = (fitted(each, truth, o.flat) for each in (path, corrected))
-        paths = {'odometry': before, 'corrected': after, 'truth': truth[:, [0, 2], 3]}
+        paths = {'odometry': before, 'corrected': after, 'truth': truth[:, :2, 3]}
         error = f'odometry {odometry_error:.2f} m, corrected {error:.2f} m'
     print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops, {fit} with a residual below 1 m; '
           f'{time.perf_counter() - start:.1f} s in total, {odometry.seconds:.1f} s for odometry\nabsolute trajectory error: {error}')

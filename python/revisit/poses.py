@@ -1,7 +1,7 @@
-"""Trajectories in the formats of KITTI, TUM and EuRoC, and conversion of their axes.
+"""Trajectories in the formats of KITTI, TUM and EuRoC.
 
-Poses are float64 [n][4][4], T_world_sensor, in meters. The axes of all stored poses are those of KITTI's camera (x right,
-y down, z forward), so horizontal distances are those in x and z.
+Poses are float64 [n][4][4], T_world_sensor, in meters. The world has the axes of the file: z up, or those of KITTI's camera (x
+right, y down, z forward) in files of KITTI.
 """
 
 import warnings
@@ -9,12 +9,12 @@ import warnings
 import numpy as np
 
 from revisit._core.datasets import read_extrinsic, read_trajectory
-from revisit.errors import InputError, UsageError
+from revisit.errors import InputError
 
-__all__ = ['AXES_OF_CAMERA', 'in_kitti_world', 'read_extrinsic', 'read_trajectory', 'rigid']
+__all__ = ['AXES_OF_CAMERA', 'read_extrinsic', 'read_trajectory', 'rigid']
 
 AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
-"""T_camera_lidar of a forward-looking camera; the lidar has x forward, y left, z up."""
+"""T_camera_lidar of a forward-looking camera, which converts its poses: T_world_camera @ AXES_OF_CAMERA is T_world_lidar."""
 
 
 def rigid(translations, quaternions):
@@ -67,20 +67,6 @@ def matrix_of(numbers, file) -> np.ndarray:
     if not are_rigid(T[None])[0]:
         raise InputError(f'{file}: expected a rigid transform (rotation, translation), found {T[:3].tolist()}')
     return T
-
-
-def in_kitti_world(poses, frame, extrinsic=None) -> np.ndarray:
-    """Converts the poses of a file to T_world_lidar in KITTI's world.
-
-    frame: 'lidar': the file has poses of the lidar in a world with z up. 'camera': the file has poses of the camera in a world
-        with KITTI's axes.
-    extrinsic: T_body_lidar, if the poses are those of another body (IMU, another camera).
-    """
-    if frame not in ('lidar', 'camera'):
-        raise UsageError(f'frame of the poses: expected lidar or camera, found {frame!r}')
-    if frame == 'camera':
-        return poses @ (AXES_OF_CAMERA if extrinsic is None else extrinsic)
-    return AXES_OF_CAMERA @ poses @ (np.eye(4) if extrinsic is None else extrinsic)
 
 
 def nearest(times, wanted):

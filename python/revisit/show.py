@@ -35,7 +35,7 @@ def view(lines, scans, file):
     if file is not None:
         rr.save(file)
     rr.log('scan', rr.ViewCoordinates.FLU, static=True)
-    rr.log('map', rr.ViewCoordinates.RDF, static=True)
+    rr.log('map', rr.ViewCoordinates.FLU, static=True)
     green = [0, 158, 115]
     path = grower(rr.log, 'map/path', lambda positions: rr.Points3D(positions, colors=[160, 160, 160]))
     loops = grower(rr.log, 'map/loops', lambda pairs: rr.LineStrips3D(pairs, colors=green))
@@ -44,6 +44,8 @@ def view(lines, scans, file):
         rr.set_time('frame', sequence=line['frame'])
         scan = next((scan for scan in scans if scan.frame == line['frame']), None)
         if scan is not None:
+            if scan.pose is not None and abs(scan.pose[1, 2]) > abs(scan.pose[2, 2]):  # KITTI's world
+                rr.log('map', rr.ViewCoordinates.RDF, static=True)
             points = scan.points()
             rr.log('scan', rr.Points3D(points[:: max(1, len(points) // MAX_POINTS), :3]))
         if 'score' in line:

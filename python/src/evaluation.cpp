@@ -61,7 +61,7 @@ using Positions = nb::typed<nb::handle, nb::ndarray<nb::numpy, double>>;
 /// make_trajectory() checks the result.
 Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
                          const std::vector<double>& times, const std::vector<std::string>& places,
-                         std::optional<int64_t> n_poses) {
+                         std::optional<int64_t> n_poses, bool camera_axes) {
   refuse_masked(positions, "positions");
   GivenArray<double, nb::shape<-1, 3>, nb::c_contig> at;
   if (!positions.is_none() && !nb::try_cast(positions, at, false))
@@ -75,6 +75,7 @@ Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
   if (!times.empty()) fits("times", times.size());
   if (!places.empty()) fits("places", places.size());
   Dataset dataset;
+  dataset.camera_axes = camera_axes;
   for (size_t i = 0; i < frames.size(); ++i) {
     ScanRef& scan = dataset.scans.emplace_back();
     scan.frame = frames[i];
@@ -211,15 +212,17 @@ void bind_tasks(nb::module_& module) {
           "__init__",
           [](Trajectory* self, const std::vector<int>& frames, Positions positions,
              const std::vector<double>& times, const std::vector<std::string>& places,
-             std::optional<int64_t> n_poses) {
-            new (self) Trajectory(trajectory_of(frames, positions, times, places, n_poses));
+             std::optional<int64_t> n_poses, bool camera_axes) {
+            new (self)
+                Trajectory(trajectory_of(frames, positions, times, places, n_poses, camera_axes));
           },
           "frames"_a, "positions"_a.none() = nb::none(), nb::kw_only(),
           "times"_a = std::vector<double>(), "places"_a = std::vector<std::string>(),
-          "n_poses"_a = nb::none(),
+          "n_poses"_a = nb::none(), "camera_axes"_a = false,
           "frames: ascending.\n"
-          "positions: [m] in KITTI's axes: x right, y down, z forward.\n"
-          "n_poses: number of poses of the full drive; it identifies KITTI's drives.")
+          "positions: [m], z up.\n"
+          "n_poses: number of poses of the full drive; it identifies KITTI's drives.\n"
+          "camera_axes: positions have KITTI's axes instead: x right, y down, z forward.")
       .def("__len__", &Trajectory::size)
       .def_ro("frames", &Trajectory::frames)
       .def_ro("times", &Trajectory::times)
@@ -265,7 +268,7 @@ void bind_tasks(nb::module_& module) {
       .def_prop_rw(
           "distance", [](const Task& task) { return name_of(task.rule.distance); },
           [](Task& task, const std::string& text) { task.rule.distance = parse_distance(text); },
-          "'xz', '3d', 'box', 'place' or 'pairs'.")
+          "'xy', 'xz', '3d', 'box', 'place' or 'pairs'.")
       .def_prop_ro("exclusion", [](const Task& task) { return to_string(task.exclusion); })
       .def_prop_ro(
           "decides_on_pairs", [](const Task& task) { return task.decides_on_pairs; },

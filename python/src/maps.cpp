@@ -70,7 +70,8 @@ void bind_records(nb::module_& module) {
               "The place lies on a stretch of its drive that looks the same for much longer than "
               "usual, e.g. a tunnel. Ambiguous loops are not accepted.")
       .def("__repr__", [](const Loop& loop) {
-        return str("<Loop to entry ", loop.index, ", score ", loop.score, ">");
+        return str("<Loop to frame ", loop.frame, " of '", loop.drive, "', score ", loop.score,
+                   ">");
       });
 }
 

@@ -36,12 +36,20 @@ def packed(points, offsets=(0, 4, 8), step=16, types='fff', order='<', height=1,
                 for name, offset, kind in zip('xyz', offsets, types)])
 
 
+def placed(cloud, frame_id, late=0.0):
+    """Returns a cloud of packed() of another sensor, `late` seconds after those of the first."""
+    return SimpleNamespace(**vars(cloud), frame_id=frame_id, late=late)
+
+
 def message(store, cloud, frame, ros1, stamped=True):
     make = {name: store.types[f'{package}/msg/{name}'] for package, name in (
         ('builtin_interfaces', 'Time'), ('sensor_msgs', 'PointField'), ('sensor_msgs', 'PointCloud2'))}
     start = header(store, frame, ros1)
     start.stamp = start.stamp if stamped else make['Time'](0, 0)
-    values = vars(cloud) | {'fields': [make['PointField'](**vars(field)) for field in cloud.fields]}
+    values = dict(vars(cloud))
+    start.stamp.nanosec += round(values.pop('late', 0) * 1e9)
+    start.frame_id = values.pop('frame_id', 'lidar')
+    values |= {'fields': [make['PointField'](**vars(field)) for field in cloud.fields]}
     return make['PointCloud2'](header=start, **values)
 
 
@@ -119,13 +127,22 @@ def write_compressed(path, name, clouds, t, compress):
                           [message_of(frame, cloud) for frame, cloud in enumerate(clouds)])
 
 
-def write_bag(folder, kind, topics, stamped=True, other=True, times=None):
+def transform(store, parent, child, translation, rotation, ros1):
+    """Returns a geometry_msgs/TransformStamped."""
+    make = {name: store.types[f'geometry_msgs/msg/{name}'] for name in ('Vector3', 'Quaternion', 'Transform', 'TransformStamped')}
+    start = header(store, 0, ros1)
+    start.frame_id = parent
+    return make['TransformStamped'](start, child, make['Transform'](make['Vector3'](*translation), make['Quaternion'](*rotation)))
+
+
+def write_bag(folder, kind, topics, stamped=True, other=True, times=None, tf=()):
     """Writes a bag and returns its path. topics: name -> clouds of packed(). other: add a topic of strings.
 
     times: frame -> times of its points, float64 [n], behind 16 bytes of records of 24.
+    tf: (topic, parent, child, translation, rotation), a message each.
     """
-    ros1 = kind == 'ros1'
-    store = store_with(ros1)
+    ros1, of_tf = kind == 'ros1', 'tf2_msgs/msg/TFMessage'
+    store = store_with(ros1, [(of_tf, 'geometry_msgs/TransformStamped[] transforms')])
     path = folder / (f'{kind.replace(" ", "_")}.bag' if ros1 else kind.replace(' ', '_'))
     plugin = StoragePlugin.MCAP if 'mcap' in kind else StoragePlugin.SQLITE3
     serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
@@ -134,6 +151,9 @@ def write_bag(folder, kind, topics, stamped=True, other=True, times=None):
             text = 'std_msgs/msg/String'
             connection = writer.add_connection('/chatter', text, typestore=store)
             writer.write(connection, START * 10**9, serialize(store.types[text]('hello'), text))
+        connections = {topic: writer.add_connection(topic, of_tf, typestore=store) for topic in {topic for topic, *_ in tf}}
+        for topic, *edge in tf:
+            writer.write(connections[topic], START * 10**9, serialize(store.types[of_tf]([transform(store, *edge, ros1)]), of_tf))
         for topic, clouds in topics.items():
             connection = writer.add_connection(topic, CLOUD, typestore=store)
             for frame, cloud in enumerate(clouds):

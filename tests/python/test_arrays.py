@@ -140,7 +140,7 @@ def caffe_net(folder, text):
 def targets():
     """Returns name -> (valid array, function(array, folder) -> numbers to compare or None)."""
     import revisit
-    from revisit import datasets, evaluation, poses, proto, recognition
+    from revisit import datasets, evaluation, proto, recognition
     points = room(1)[::40].copy()
     rng = np.random.default_rng(1)
     vector, pose = rng.normal(size=64).astype(np.float32), np.eye(4)
@@ -233,7 +233,6 @@ def targets():
         map_.add(scan, pose=a)
         return map_.query(scan).pose
     found['add, pose'] = (pose, lambda a, folder: added(a))
-    found['poses.in_kitti_world'] = (pose[None].copy(), lambda a, folder: poses.in_kitti_world(a, 'lidar'))
 
     return found
 

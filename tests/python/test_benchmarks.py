@@ -24,7 +24,7 @@ def there_and_back(length=200, step=2, beside=1, **rule):
     """A street in both directions: place k of the first direction is next to place 2 n - 1 - k."""
     x = np.arange(0, length, step, float)
     at = np.zeros((2 * len(x), 3))
-    at[:, 0], at[len(x):, 2] = np.r_[x, x[::-1]], beside
+    at[:, 0], at[len(x):, 1] = np.r_[x, x[::-1]], beside
     scans = [SimpleNamespace(file=f'{i}', frame=i) for i in range(len(at))]
     return drives.Drive(scans, at, exclusion='meters=50', **rule)
 

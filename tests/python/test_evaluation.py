@@ -177,9 +177,11 @@ class Drives(unittest.TestCase):
 
     def test_a_trajectory_of_arrays_is_the_same(self):
         positions = np.array([scan.pose[:3, 3] for scan in self.dataset.scans])
-        trajectory = evaluation.Trajectory(self.trajectory.frames, positions)
+        trajectory = evaluation.Trajectory(self.trajectory.frames, positions, camera_axes=True)
         of_arrays, = evaluation.make_tasks('online', '', trajectory, 'frames=100')
-        self.assertEqual(of_arrays.queries, self.task().queries)
+        self.assertEqual((of_arrays.queries, of_arrays.distance), (self.task().queries, 'xz'))
+        z_up, = evaluation.make_tasks('online', '', evaluation.Trajectory(self.trajectory.frames, positions), 'frames=100')
+        self.assertEqual(z_up.distance, 'xy')
         with self.assertRaisesRegex(TypeError, 'float64'):
             evaluation.Trajectory([0, 1], positions.astype(np.float32)[:2])
         with self.assertRaisesRegex(ValueError, 'one per frame'):

@@ -19,7 +19,7 @@ from unittest import mock
 import numpy as np
 
 import revisit
-from bags import CLOUD, HAVE_ROSBAGS, KINDS, START, draco_of, message, packed, write_bag, write_compressed, write_livox
+from bags import CLOUD, HAVE_ROSBAGS, KINDS, START, draco_of, message, packed, placed, write_bag, write_compressed, write_livox
 from revisit import datasets
 from revisit.recordings import bags as reader
 from revisit.recordings import livox, open_recording, packets
@@ -282,11 +282,99 @@ class Bags(Folders):
 
     def test_a_topic_is_chosen(self):
         path = write_bag(self.folder, 'mcap', {'/a': [packed(self.clouds[0])], '/b': [packed(self.clouds[1])] * 2})
-        with self.assertRaisesRegex(revisit.UsageError, 'choose one of /a, /b with --sequence'):
+        with self.assertRaisesRegex(revisit.UsageError, 'choose one of /a, /b with --sequence, or merge some with --topics /a,/b'):
             open_recording(path)
         self.check([self.clouds[1]] * 2, path=path, sequence='/b')
         with self.assertRaisesRegex(revisit.UsageError, 'no topic /c'):
             open_recording(path, sequence='/c')
+
+    def test_sensors_on_one_topic_are_separated(self):
+        clouds = [placed(packed(cloud), name) for cloud, name in zip(self.clouds, ('front', '/rear') * 2)]
+        for kind in ('ros1', 'mcap'):
+            with self.subTest(kind), tempfile.TemporaryDirectory() as folder:
+                path = write_bag(Path(folder), kind, {'/points': clouds})
+                with self.assertRaisesRegex(revisit.UsageError, r'/points has scans of several sensors .*choose one of /points@front, '
+                                            '/points@rear with --sequence, or merge some with --topics /points@front,/points@rear'):
+                    open_recording(path)
+                scans = list(open_recording(path, sequence='/points@rear').scans())
+                self.assertEqual([scan.frame for scan in scans], [0, 1])
+                for scan, cloud in zip(scans, self.clouds[1::2]):
+                    np.testing.assert_array_equal(scan.points(), cloud)
+                with self.assertRaisesRegex(revisit.UsageError, 'no scans of the frame_id left .found front, rear'):
+                    open_recording(path, sequence='/points@left')
+                with mock.patch.object(reader, 'EXAMINED', 0), self.assertRaisesRegex(revisit.InputError, 'frame 1: /points has scans of sev'):
+                    list(open_recording(path).scans())
+
+    def test_sensors_are_merged(self):
+        """The rear one looks back, 2 m behind the front one, and scans 30 ms later."""
+        back = self.clouds[1:] + self.clouds[:1]
+        topics = {'/front': [placed(packed(cloud), 'front') for cloud in self.clouds],
+                  '/rear': [placed(packed(cloud), 'rear', 0.03) for cloud in back]}
+        level, turned = (0, 0, 0, 1), (0, 0, 1, 0)
+        fixed = [('/tf_static', 'base', 'front', (1, 0, 0.5), level), ('/tf', '/deck', '/rear', (0, 0, 0.5), turned),
+                 ('/tf_static', 'base', 'deck', (-1, 0, 0), level), ('/tf', 'odom', 'base', (3, 0, 0), level),
+                 ('/tf', 'odom', 'base', (4, 0, 0), level)]
+        moving = [*fixed, ('/tf', 'deck', 'rear', (0, 0.1, 0.5), turned)]
+        file = self.put('poses.txt', '# of the robot\n/front 1 0 0.5 0 0 0 1\nrear, -1, 0, 0.5, 0, 0, 2, 0\n')
+        expected = [np.concatenate([here, there * np.float32([-1, -1, 1]) - np.float32([2, 0, 0])])
+                    for here, there in zip(self.clouds, back)]
+        for kind in ('ros1', 'mcap'):
+            with tempfile.TemporaryDirectory() as folder:
+                by_tree, other = Path(folder) / 'tree', Path(folder) / 'other'
+                by_tree.mkdir(), other.mkdir()
+                bag = write_bag(by_tree, kind, topics, tf=fixed)
+                moved = write_bag(other, kind, topics, tf=moving)
+                for path, options in ((bag, {}), (bag, {'extrinsics': file}), (moved, {'extrinsics': file})):
+                    with self.subTest(kind, options=options):
+                        scans = self.check(expected, [START + 0.1 * i for i in range(4)], path, 1e-5, topics='/front,/rear', **options)
+                        np.testing.assert_allclose(scans[2].read()[1], np.repeat([0, 0.03], 200), atol=1e-6)
+                with self.assertRaisesRegex(revisit.UsageError, 'TF does not relate the frame_id rear of /rear to front; give'):
+                    open_recording(moved, topics='/front,/rear')
+        alone = write_bag(self.folder, 'mcap', topics)
+        for text, says in (('/front 1 0 0 0 0 0 1\n', 'no line for /rear .frame_id rear.; it has front'),
+                           ('/front 1 0 0 0 0 0\n', 'poses.txt:1: expected a topic or frame_id'),
+                           ('/front 1 0 0 0 0 0 0\n', 'poses.txt:1: expected'), ('front a b c d e f g\n', 'poses.txt:1: expected')):
+            with self.subTest(text), self.assertRaisesRegex(revisit.Error, says):
+                open_recording(alone, topics='/front,/rear', extrinsics=self.put('poses.txt', text))
+
+    def test_merged_sensors_may_scan_at_other_rates(self):
+        def merged(late, clouds, **more):
+            with tempfile.TemporaryDirectory() as folder:
+                path = write_bag(Path(folder), 'mcap', {'/a': [placed(packed(cloud, **more), 'a') for cloud in self.clouds],
+                                                        '/b': [placed(packed(cloud), 'b', late) for cloud in clouds]})
+                return [scan.read() for scan in open_recording(path, topics=['/a', '/b'], extrinsics=self.put(
+                    'poses', 'a 0 0 0 0 0 0 1\nb 0 0 0 0 0 0 1\n')).scans()]
+        zeros = self.clouds[3].copy()
+        zeros[::2] = 0
+        read = merged(0, [self.clouds[0], zeros])
+        self.assertEqual([len(points) for points, _ in read], [400, 300, 200, 200])
+        self.assertEqual([times for _, times in read], [None] * 4)
+        self.assertEqual([len(points) for points, _ in merged(0.06, self.clouds)], [200, 400, 400, 600])
+        with self.assertRaisesRegex(revisit.InputError, 'no scan of /b is within 0.1 s of one of /a; .* Synchronize the clocks'):
+            merged(0.7, self.clouds)
+        for options in ({'topics': '/a', 'sequence': '/a'}, {'extrinsics': 'x'}):
+            with self.assertRaises(revisit.UsageError):
+                open_recording(self.folder, **options)
+
+    def test_odd_clouds_are_read_as_they_are(self):
+        """Half of the points are NaN, zero, infinite or far away; stamps jump back in the middle."""
+        for value in (np.nan, 0, np.inf, 1e9):
+            clouds = [cloud.copy() for cloud in self.clouds]
+            for cloud in clouds:
+                cloud[::2] = value
+            clouds = [*clouds[:2], *clouds]
+            packs = [placed(packed(cloud), 'lidar', -0.2 if i > 2 else 0) for i, cloud in enumerate(clouds)]
+            with self.subTest(value), tempfile.TemporaryDirectory() as folder:
+                path = write_bag(Path(folder), 'mcap', {'/points': packs})
+                self.check(clouds, [START + 0.1 * i - 0.2 * (i > 2) for i in range(6)], path)
+
+    def test_a_recorder_that_was_killed(self):
+        path = write_bag(self.folder, 'mcap', {'/points': [packed(cloud) for cloud in self.clouds]})
+        file, = path.glob('*.mcap')
+        file.write_bytes(file.read_bytes()[:-2000])
+        (path / 'metadata.yaml').unlink()
+        with self.assertRaisesRegex(revisit.InputError, 'cannot be read as a bag: .*`mcap recover` may repair it'):
+            open_recording(path)
 
     def test_lost_messages_are_missed(self):
         path = write_bag(self.folder, 'sqlite3', {'/points': [packed(cloud) for cloud in self.clouds]})
@@ -479,8 +567,8 @@ class Layouts(Folders):
             self.assertIsNone(scans[0].pose)
             self.assertEqual(open_recording(path, **options).name, drive)
             # IMU: x forward, y right, z down. The camera is at 1, 2, 3 of the IMU and 0.5, 0.25, 0 of the Velodyne.
-            # The position 5 + 0.5, 6 + 2 + 0.25, 7 + 3 is converted to KITTI's axes.
-            np.testing.assert_allclose(scans[1].pose[:3, 3], [-8.25, -10, 5.5])
+            # The position 5 + 0.5, 6 + 2 + 0.25, 7 + 3 has the world's axes.
+            np.testing.assert_allclose(scans[1].pose[:3, 3], [5.5, 8.25, 10])
         self.addCleanup(os.chdir, os.getcwd())
         for inside, path in (('velodyne_points', '..'), ('.', '.')):
             os.chdir(self.folder / 'data_3d_raw' / drive / inside)
@@ -504,8 +592,8 @@ class Layouts(Folders):
             f'{T0 + i * 11 * 10**7},1,0,0,{353000 + i},0,1,0,4026000,0,0,1,20\n' for i in range(2)))
         scans = self.check(self.points, [T0 / 1e9 + 0.1 * i for i in range(3)])
         # The lidar is 1.7042 m ahead, 0.021 m right and 1.8047 m above the base, rotated by 179.6654 degrees.
-        np.testing.assert_allclose(scans[1].pose[:3, 3], [-4026000 + 0.021, -20 - 1.8047, 353001 + 1.7042], atol=1e-4)
-        np.testing.assert_allclose(scans[1].pose[2, 0], np.cos(np.radians(179.6654)), atol=1e-6)
+        np.testing.assert_allclose(scans[1].pose[:3, 3], [353001 + 1.7042, 4026000 - 0.021, 20 + 1.8047], atol=1e-4)
+        np.testing.assert_allclose(scans[1].pose[0, 0], np.cos(np.radians(179.6654)), atol=1e-6)
         self.assertIsNotNone(scans[2].pose)  # 0.09 s from the last one
         self.put('global_pose.csv', f'{T0 + 10**7},1,0,0,0,0,1,0,0,0,0,1,0\n')
         recording = open_recording(self.folder)
@@ -540,8 +628,8 @@ class Layouts(Folders):
             self.assertEqual(scans[1].pose is not None, sensor == 'Ouster')
             np.testing.assert_allclose(scans[1].read()[1], np.arange(50) * 1e-3, atol=1e-6, err_msg=sensor)
         scans = self.check(self.points, times, sequence='Ouster')
-        np.testing.assert_allclose(scans[1].pose[:3, 3], [-2, -3, 1])
-        np.testing.assert_allclose(scans[1].pose[:3, 0], [-1, 0, 0], atol=1e-6)  # facing left
+        np.testing.assert_allclose(scans[1].pose[:3, 3], [1, 2, 3])
+        np.testing.assert_allclose(scans[1].pose[:3, 0], [0, 1, 0], atol=1e-6)  # facing left
         with self.assertRaisesRegex(revisit.UsageError, '--sequence: Ouster, Velodyne, Avia, Aeva'):
             open_recording(self.folder)
         truth = self.put('LiDAR_GT/Aeva_gt.txt', f'{1691936557946849180} 1 2 3 0 0 0 0\n')
@@ -563,8 +651,8 @@ class Layouts(Folders):
         meters = [(integers * 0.005 - 100.0) * [1, -1, -1] for integers in stored]
         scans = self.check(meters, [1326030975 + 0.2 * i for i in range(3)], day, atol=4e-5)
         # NCLT's world has x north, y east, z down.
-        np.testing.assert_allclose(scans[1].pose[:3, 3], [2, 3, 1])
-        np.testing.assert_allclose(scans[1].pose[:3, 0], [1, 0, 0], atol=1e-6)
+        np.testing.assert_allclose(scans[1].pose[:3, 3], [1, -2, -3])
+        np.testing.assert_allclose(scans[1].pose[:3, 0], [0, -1, 0], atol=1e-6)
         truth = self.folder / 'ground_truth/groundtruth_2012-01-08.csv'
         truth.write_text(f'1326030974900000,{"nan," * 5}nan\n' + truth.read_text())  # like the first row of its files
         np.testing.assert_array_equal([scan.pose for scan in open_recording(day).scans()], [scan.pose for scan in scans])
@@ -593,8 +681,8 @@ class Layouts(Folders):
             self.put(f'v1.0-mini/{table}.json', json.dumps(rows))
         for sequence in ('61', 'scene-0061'):
             scans = self.check(self.points, times, sequence=sequence)
-            np.testing.assert_allclose(scans[2].pose[:3, 3], [-20, -1.8, 13])
-            np.testing.assert_allclose(scans[2].pose[:3, 1], [0, 0, 1], atol=1e-6)  # its y is forward
+            np.testing.assert_allclose(scans[2].pose[:3, 3], [13, 20, 1.8])
+            np.testing.assert_allclose(scans[2].pose[:3, 1], [1, 0, 0], atol=1e-6)  # its y is forward
         with self.assertRaisesRegex(revisit.UsageError, 'scene-0061, scene-0103'):
             open_recording(self.folder)
         tables['ego_pose'][1]['rotation'] = [0, 0, 0, 0]

@@ -8,6 +8,7 @@ namespace revisit {
 inline Trajectory trajectory_of(const std::vector<Pose>& T_world_cam,
                                 const std::vector<double>& times = {}) {
   Dataset dataset;
+  dataset.camera_axes = true;
   for (size_t i = 0; i < T_world_cam.size(); ++i) {
     ScanRef& scan = dataset.scans.emplace_back();
     scan.frame = static_cast<int>(i);

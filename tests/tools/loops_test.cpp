@@ -28,12 +28,13 @@ class Loops : public test::ProgramTest<Loops> {
   static std::string loops(const std::string& more) {
     return "loops " + path("town1") + " --exclusion frames=150 -q " + more;
   }
-  static std::vector<std::string> lines(const std::string& text) {
+  static std::vector<std::string> split(const std::string& text, char at) {
     std::vector<std::string> result;
     std::istringstream in(text);
-    for (std::string line; std::getline(in, line);) result.push_back(line);
+    for (std::string line; std::getline(in, line, at);) result.push_back(line);
     return result;
   }
+  static std::vector<std::string> lines(const std::string& text) { return split(text, '\n'); }
 };
 
 TEST_F(Loops, AreFoundAtTheThresholdOfAnotherTownAndNoneIsWrong) {
@@ -360,8 +361,8 @@ TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
   EXPECT_EQ(static_cast<size_t>(edges), positions.size() - 1 + found);
 }
 
-/// Poses in a z-up world frame, as odometry has it.
-TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
+/// Poses in a z-up world, as odometry has it: lines, graph, trajectory and map have them, too.
+TEST_F(Loops, WriteAllPosesInTheWorldOfTheGivenOnes) {
   const std::string velodyne = path("town1/sequences/00/velodyne"),
                     calib = " --calib " + path("town1/sequences/00/calib.txt");
   const auto positions = [&](const std::string& command) {
@@ -382,20 +383,37 @@ TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
   for (const Pose& pose : read_kitti_poses(*folder_ / "town1/poses/00.txt")) {
     double time = 0;
     ASSERT_TRUE(times >> time);
-    writer.add(time, in_frame(pose * T_cam_lidar, false));
+    writer.add(time, axes_of_camera().inverse() * pose * T_cam_lidar);
   }
   const std::string given = " --poses " + path("lidar.tum") + " --pose-frame lidar";
-  const std::vector<std::string> read = positions("loops " + path("town1") + given);
-  ASSERT_EQ(read.size(), known.size());
-  for (size_t i = 0; i < read.size(); ++i) {  // to the micrometer
-    const auto x = [](const std::string& text) {
-      return std::stod(text.substr(text.find(':', 12) + 1));
-    };
-    EXPECT_NEAR(x(read[i]), x(known[i]), 1e-5) << read[i] << known[i];
+  const TimedPoses truth = read_timed_poses(path("lidar.tum"));
+  const std::string with_map = " --map " + path("world.map") + " --g2o " + path("world.g2o");
+  const std::vector<std::string> here = positions("loops " + path("town1") + given + with_map);
+  std::vector<std::string> graph = lines(read_file(path("world.g2o")));
+  std::erase_if(graph, [](const std::string& row) { return !row.starts_with("VERTEX"); });
+  const std::vector<std::string> entries = lines(run("map info --entries " + path("world.map")));
+  ASSERT_EQ(std::tuple(here.size(), graph.size(), entries.size() - 1),
+            std::tuple(known.size(), known.size(), known.size()));
+  for (size_t i = 0; i < here.size(); ++i) {
+    const auto frame = std::stoul(split(entries[i + 1], ',')[2]);
+    const Eigen::Vector3d t = truth.poses[frame].translation();
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::string json = here[i].substr(here[i].find(str('"', "xyz"[axis], "\":")) + 4);
+      EXPECT_NEAR(std::stod(json), t[axis], 1e-5) << here[i];
+      EXPECT_NEAR(std::stod(split(graph[i], ' ')[2 + axis]), t[axis], 1e-5) << graph[i];
+      EXPECT_NEAR(std::stod(split(entries[i + 1], ',')[4 + axis]), t[axis], 1e-3) << entries[i + 1];
+    }
+    const std::vector<std::string> cells = split(entries[i + 1], ',');
+    EXPECT_TRUE(
+        graph[i].ends_with(str("  # frame ", frame, " time ", cells[3], " drive ", cells[1])))
+        << graph[i];
   }
+  const Eigen::Vector3d last = truth.poses[std::stoul(split(entries.back(), ',')[2])].translation();
+  const std::string near = str(last.x(), ",", last.y(), ",", last.z(), " --radius 0.1 --dry-run");
+  EXPECT_HAS(run("map remove " + path("world.map") + " --near " + near),
+             str("1 of ", known.size(), " entries would be removed"));
   run("loops " + path("town1") + given + " -q --exclusion frames=150 --tum " + path("out.tum"));
   const TimedPoses out = read_timed_poses(path("out.tum"));
-  const TimedPoses truth = read_timed_poses(path("lidar.tum"));
   ASSERT_GT(out.times.size(), 3);
   for (size_t i = 0; i < out.times.size(); ++i) {
     const auto at =

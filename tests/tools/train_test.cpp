@@ -27,7 +27,7 @@ class Learn : public test::ProgramTest<Learn> {
     std::string headers = begin, scans = begin;
     for (const ScanRef& scan : drive.scans) {
       const PointCloud cloud = read_scan(scan);
-      const Pose T_world_lidar = *scan.pose * axes_of_camera();
+      const Pose T_world_lidar = axes_of_camera().inverse() * *scan.pose * axes_of_camera();
       std::vector<double> rows;
       for (int i = 0; i < 12; ++i) rows.push_back(T_world_lidar.matrix()(i / 4, i % 4));
       const std::string line = str("{\"frame\":", scan.frame, ",\"source\":\"frame ", scan.frame,

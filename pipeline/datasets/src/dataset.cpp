@@ -28,6 +28,7 @@ void add_poses(const KittiSequence& sequence, bool needed, Dataset* dataset) {
     throw InputError(file->string(), ": holds ", poses.size(), " poses (frames 0 to ",
                      poses.size() - 1, "), but ", last.file.string(), " is frame ", last.frame);
   dataset->n_poses = static_cast<int64_t>(poses.size());
+  dataset->camera_axes = true;
   for (ScanRef& scan : dataset->scans) scan.pose = poses[static_cast<size_t>(scan.frame)];
 }
 

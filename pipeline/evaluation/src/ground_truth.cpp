@@ -14,14 +14,14 @@
 namespace revisit {
 namespace {
 
-constexpr const char* kDistances[] = {"xz", "3d", "box", "place", "pairs"};
+constexpr const char* kDistances[] = {"xy", "xz", "3d", "box", "place", "pairs"};
 
 }  // namespace
 
 Distance parse_distance(const std::string& text) {
   const auto* const found = std::ranges::find(kDistances, text);
   if (found == std::end(kDistances))
-    throw UsageError("distance: expected xz, 3d, box or place, found '", text, "'");
+    throw UsageError("distance: expected xy, xz, 3d, box or place, found '", text, "'");
   return static_cast<Distance>(found - kDistances);
 }
 
@@ -29,8 +29,13 @@ const char* name_of(Distance distance) {
   return kDistances[static_cast<size_t>(distance)];
 }
 
+Distance horizontal_distance(const Dataset& dataset) {
+  return dataset.camera_axes ? Distance::kXz : Distance::kXy;
+}
+
 Trajectory make_trajectory(const Dataset& dataset) {
   Trajectory trajectory;
+  trajectory.horizontal = horizontal_distance(dataset);
   trajectory.n_poses = dataset.n_poses;
   const bool has_poses = dataset.has_poses();
   bool has_times = !dataset.scans.empty();
@@ -53,6 +58,8 @@ Trajectory make_trajectory(const Dataset& dataset) {
 double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind) {
   const Eigen::Vector3d difference = a - b;
   switch (kind) {
+    case Distance::kXy:
+      return std::sqrt(difference.x() * difference.x() + difference.y() * difference.y());
     case Distance::kXz:
       return std::sqrt(difference.x() * difference.x() + difference.z() * difference.z());
     case Distance::k3d:

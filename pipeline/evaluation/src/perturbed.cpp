@@ -35,7 +35,7 @@ Task perturbed_task(const Trajectory& trajectory, const EvaluationOptions& optio
   if (trajectory.listed)
     task.rule = {Distance::kPairs, 0};
   else
-    task.rule = {options.distance.value_or(Distance::kXz),
+    task.rule = {options.distance.value_or(trajectory.horizontal),
                  options.radius.value_or(MatchRule().radius), options.negative_radius.value_or(0)};
   task.definition = "perturbed scans against all unperturbed ones";
   task.exclusion = options.exclusion.value_or(task.exclusion);

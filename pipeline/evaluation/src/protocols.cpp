@@ -20,6 +20,7 @@ constexpr int kSscNegativesPerPositive = 100;
 Task against_earlier(const Trajectory& trajectory, const Exclusion& exclusion,
                      int first_frame = 0) {
   Task task;
+  task.rule.distance = trajectory.horizontal;
   task.population = "each scan against all earlier ones beyond the exclusion";
   task.exclusion = exclusion;
   task.stored.resize(trajectory.frames.size());
@@ -52,7 +53,7 @@ Task leave_one_out_task(const std::string&, const Trajectory& trajectory,
 
 Task lcdnet1_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
   Task task = against_earlier(trajectory, exclusion, kLcdnetFirstFrame);
-  task.rule = {Distance::kXz, 4};
+  task.rule = {trajectory.horizontal, 4};
   task.rejected_only = true;
   task.margin_score = false;
   return task;
@@ -61,7 +62,7 @@ Task lcdnet1_task(const std::string&, const Trajectory& trajectory, const Exclus
 Task lcdnet2_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
   Task task = against_earlier(trajectory, exclusion, kLcdnetFirstFrame);
   task.population = "pairs of each scan with all earlier ones beyond the exclusion";
-  task.rule = {Distance::kXz, 4};
+  task.rule = {trajectory.horizontal, 4};
   task.decides_on_pairs = true;
   task.margin_score = false;
   return task;
@@ -72,7 +73,7 @@ Task ssc_task(const std::string&, const Trajectory& trajectory, const Exclusion&
   Task task = against_earlier(trajectory, {Exclusion::Kind::kNone, 0});
   task.exclusion = exclusion;
   task.population = "all near pairs beyond the exclusion, and far ones drawn at random";
-  task.rule = {Distance::kXz, 3, 20};
+  task.rule = {trajectory.horizontal, 3, 20};
   task.decides_on_pairs = true;
   task.margin_score = false;
   task.negatives_per_positive = kSscNegativesPerPositive;
@@ -81,7 +82,7 @@ Task ssc_task(const std::string&, const Trajectory& trajectory, const Exclusion&
 
 Task logg3d_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
   Task task = against_earlier(trajectory, exclusion);
-  task.rule = {Distance::kXz, 3, 20};
+  task.rule = {trajectory.horizontal, 3, 20};
   task.rejected_only = true;
   task.margin_score = false;
   return task;
@@ -111,6 +112,7 @@ using Chosen = std::function<bool(int64_t row)>;
 
 Task map_task(const Trajectory& trajectory, const Chosen& is_stored, const Chosen& is_query) {
   Task task;
+  task.rule.distance = trajectory.horizontal;
   for (int64_t row = 0; row < trajectory.size(); ++row)
     if (is_stored(row)) task.stored.push_back(row);
   const CandidateRange all{0, static_cast<int64_t>(task.stored.size())};
@@ -232,7 +234,7 @@ Task bevplace_task(const std::string& sequence, const Trajectory& trajectory, co
   Task task = map_task(trajectory, within(0, r.database_end), within(r.query_begin, r.query_end));
   task.population = str("stored: frames 0-", r.database_end - 1, "; queries: frames ",
                         r.query_begin, "-", r.query_end - 1);
-  task.rule = {Distance::kXz, 5};
+  task.rule = {trajectory.horizontal, 5};
   task.margin_score = false;
   return task;
 }

@@ -27,19 +27,29 @@ READERS = [
 """Order of detection. The last accepts any folder: KITTI's layout, and .bin, .pcd and .ply files."""
 
 
-def open_recording(path, *, sequence='', point_times='auto') -> Recording:
+def open_recording(path, *, sequence='', topics='', extrinsics=None, point_times='auto') -> Recording:
     """Opens the recording at `path` by the first reader that detects it.
 
-    sequence: of a data set with several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster); topic of a bag with several of
-    PointCloud2. point_times: unit of the times of points: auto, s, ms, us, ns, scan (0 to 1 of a scan), or none.
+    sequence: of a data set with several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster); TOPIC or TOPIC@FRAME_ID of a
+    bag with several.
+    topics: of a bag (comma-separated, or a sequence), merged into one scan per sweep, in the frame and at the stamps of the first.
+    extrinsics: file of the sensors' poses, lines `NAME x y z qx qy qz qw`, NAME being a topic or frame_id (default: the bag's TF).
+    point_times: unit of the times of points: auto, s, ms, us, ns, scan (0 to 1 of a scan), or none.
     Raises InputError with the path, Error with the name of a missing package.
     """
-    return with_point_times(open_reader(Path(path), sequence), point_times)
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f'{path}: no such file or folder')
+    if not topics:
+        if extrinsics:
+            raise UsageError('extrinsics: expected the topics that they merge')
+        return with_point_times(open_reader(path, sequence), point_times)
+    if sequence or not bags.detects(path):
+        raise UsageError(f'{path}: topics: expected a bag, and no sequence')
+    return bags.open_merged(path, topics.split(',') if isinstance(topics, str) else list(topics), extrinsics, point_times)
 
 
 def open_reader(path, sequence):
-    if not path.exists():
-        raise InputError(f'{path}: no such file or folder')
     if path.name in ('', '..'):  # the folder gives the drive's name, which locates KITTI-360's poses
         path = path.resolve()
     for reader in READERS:

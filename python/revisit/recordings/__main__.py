@@ -23,13 +23,15 @@ def positive(text):
 
 def add_options(parser):
     """Declares the options of open_recording()."""
-    parser.add_argument('--sequence', default='', help='sequence of a data set that has several: 00, scene-0061, Ouster; topic of a bag')
+    parser.add_argument('--sequence', default='', help='sequence of a data set that has several: 00, scene-0061, Ouster; TOPIC or TOPIC@FRAME_ID of a bag')
+    parser.add_argument('--topics', default='', metavar='A,B', help='topics of a bag that are merged into one scan per sweep')
+    parser.add_argument('--extrinsics', metavar='FILE', help='poses of the sensors: NAME x y z qx qy qz qw (default: the TF of the bag)')
     parser.add_argument('--point-times', default='auto', choices=('auto', 's', 'ms', 'us', 'ns', 'scan', 'none'),
                         help='unit of the times of points; scan: 0 to 1 of a scan (default: found)')
 
 
 def open_given(o) -> Recording:
-    return open_recording(o.data, sequence=o.sequence, point_times=o.point_times)
+    return open_recording(o.data, sequence=o.sequence, topics=o.topics, extrinsics=o.extrinsics, point_times=o.point_times)
 
 
 def write(out, content, *arrays):

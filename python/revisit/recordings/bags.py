@@ -8,11 +8,17 @@ import re
 import struct
 import sys
 import types
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
 
 from revisit.errors import Error, InputError, UsageError
+from revisit.poses import rigid
 from revisit.recordings import compressed, livox
+from revisit.recordings.merging import merged, poses_by_file, poses_by_tree
 from revisit.recordings.point_cloud2 import fields_of, points_of
-from revisit.recordings.recording import Recording, Scan, package
+from revisit.recordings.recording import Recording, Scan, package, with_point_times
 
 ENDINGS = ('.bag', '.db3', '.mcap')
 CLOUD = 'sensor_msgs/msg/PointCloud2'
@@ -20,6 +26,10 @@ REPAIRED_BY = {'index': 'rosbag reindex', 'end magic': 'mcap recover', 'malforme
 READS = {CLOUD: points_of, compressed.COMPRESSED: lambda message: points_of(compressed.decompressed(message)),
          **{f'{name}/msg/CustomMsg': livox.points_of_custom for name in livox.PACKAGES}}
 """Types of messages with points."""
+TF = 'tf2_msgs/msg/TFMessage'
+TFS = (TF, 'tf/msg/tfMessage')
+EXAMINED = 20
+"""Messages whose frame_ids are known before the first scan is read."""
 CLOUDS = (*READS, *(name.replace('/msg/', '/') for name in READS))
 
 
@@ -144,6 +154,15 @@ def opened(path):
         yield [stack.enter_context((Reader1 if file.suffix == '.bag' else Reader2)(file)) for file in files]
 
 
+class Topic(NamedTuple):
+    """Scans of one sensor in a bag."""
+    name: str
+    frame_id: str
+    count: int | None
+    """Number of scans, or None if the topic has other frame_ids, too."""
+    scans: Callable[[], Iterator[Scan]]
+
+
 def choose(path, readers, topic):
     """Returns the requested topic ('': none), or the only one of clouds."""
     connections = [connection for reader in readers for connection in reader.connections]
@@ -157,12 +176,16 @@ def choose(path, readers, topic):
     if not topic:
         topics = [name for name in topics if any(c.topic == name and c.msgcount != 0 for c in clouds)] or topics
         if len(topics) > 1:
-            raise UsageError(f'{path}: several topics of clouds; choose one of {", ".join(topics)} with --sequence')
+            raise UsageError(f'{path}: several topics of clouds; {advice(topics)}')
     return topic or topics[0]
 
 
-def connections_of(reader, topic):
-    return [c for c in reader.connections if c.topic == topic and c.msgtype in CLOUDS]
+def advice(names):
+    return f'choose one of {", ".join(names)} with --sequence, or merge some with --topics {",".join(names)}'
+
+
+def connections_of(reader, topic, types=CLOUDS):
+    return [c for c in reader.connections if topic in ('', c.topic) and c.msgtype in types]
 
 
 def is_ros1(connection):
@@ -170,10 +193,10 @@ def is_ros1(connection):
     return type(ext).__name__ == 'ConnectionExtRosbag1' or getattr(ext, 'serialization_format', '') == 'ros1'
 
 
-def messages(path, topic):
-    """Yields (receive time [s], is ROS 1, type, bytes), ordered by time over all files."""
+def messages(path, topic, types=CLOUDS):
+    """Yields (receive time [s], is ROS 1, type, bytes), ordered by time over all files. topic '': any of the types."""
     with errors_of(path), opened(path) as readers:
-        of = [reader.messages(connections=connections_of(reader, topic)) for reader in readers if connections_of(reader, topic)]
+        of = [reader.messages(connections=found) for reader in readers if (found := connections_of(reader, topic, types))]
         for connection, nanoseconds, data in heapq.merge(*of, key=lambda message: message[1]):
             yield nanoseconds * 1e-9, is_ros1(connection), connection.msgtype, data
 
@@ -182,15 +205,15 @@ def messages(path, topic):
 def store_of(ros1):
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
-    for name, definition in (livox.DEFINITIONS | compressed.DEFINITIONS).items():
+    for name, definition in (livox.DEFINITIONS | compressed.DEFINITIONS | {TF: 'geometry_msgs/TransformStamped[] transforms'}).items():
         store.register(get_types_from_msg(definition, name))
     return store
 
 
 def type_of(kind):
     """Returns the name of a type in ROS 2's form, of Livox's message that of one package."""
-    name = kind if '/msg/' in kind else kind.replace('/', '/msg/')
-    return livox.CUSTOM if READS[name] is livox.points_of_custom else name
+    name = TF if kind in TFS else kind if '/msg/' in kind else kind.replace('/', '/msg/')
+    return livox.CUSTOM if READS.get(name) is livox.points_of_custom else name
 
 
 def decode(path, ros1, kind, data):
@@ -204,26 +227,56 @@ def read(path, ros1, kind, data):
     return READS[type_of(kind)](decode(path, ros1, kind, data))
 
 
-def time_of(path, recorded, ros1, data):
-    """Returns the time of the header [s], at the beginning of the data; the receive time if it is 0."""
+def header_of(path, recorded, ros1, data):
+    """Returns the time of the header [s], at the beginning of the data, or the receive time if it is 0; and the frame_id."""
     with errors_of(path):
-        if ros1:
-            seconds, nano = struct.unpack_from('<4xII', data)
-        else:
-            seconds, nano = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, 4)
-    return seconds + nano * 1e-9 or recorded
+        seconds, nano, size = struct.unpack_from('<III' if ros1 else '<iII' if data[1] & 1 else '>iII', data, 4)
+        frame_id = bytes(data[16:16 + size]).rstrip(b'\0').decode('utf-8', 'replace').lstrip('/')
+    return seconds + nano * 1e-9 or recorded, frame_id
 
 
 def size_of(message):
     return message.point_num if hasattr(message, 'point_num') else message.width * message.height
 
 
-def open_bag(path, topic) -> Recording:
+def scans_of(path, topic, frame_id, chosen, count):
+    """Yields the scans of a frame_id. Raises InputError at the first scan of another one, unless frame_id is `chosen`."""
+    frame, number = -1, 0
+    for number, (recorded, ros1, kind, data) in enumerate(messages(path, topic), 1):
+        time, found = header_of(path, recorded, ros1, data)
+        if found != frame_id:
+            if chosen:
+                continue
+            raise InputError(f'{path}, frame {number - 1}: {several_sensors(topic, (frame_id, found))}')
+        frame += 1
+        yield Scan(frame, time, None, lambda ros1=ros1, kind=kind, data=data: read(path, ros1, kind, data), f'{path}, frame {frame}')
+    if number < count:
+        raise InputError(f"{path}: {topic}: expected {count} messages by the bag's index, found {number}; the bag is corrupted")
+
+
+def several_sensors(topic, frame_ids):
+    return f'{topic} has scans of several sensors (frame_id); {advice([f"{topic}@{frame_id}" for frame_id in frame_ids])}'
+
+
+def open_topic(path, name) -> Topic:
+    """name: TOPIC or TOPIC@FRAME_ID; '': the only one with scans."""
+    topic, _, chosen = name.partition('@')
     with errors_of(path), opened(path) as readers:
         topic = choose(path, readers, topic)
         count = sum(connection.msgcount for reader in readers for connection in connections_of(reader, topic))
-    decoded = (decode(path, *message) for _, *message in messages(path, topic))
-    with_points = next((message for message in decoded if size_of(message)), None)
+    frame_ids, with_points = [], None
+    for i, (recorded, ros1, kind, data) in enumerate(messages(path, topic)):
+        _, frame_id = header_of(path, recorded, ros1, data)
+        frame_ids += [] if frame_id in frame_ids else [frame_id]
+        if with_points is None and frame_id == (chosen or frame_ids[0]):
+            message = decode(path, ros1, kind, data)
+            with_points = message if size_of(message) else None
+        if with_points is not None and i >= EXAMINED:
+            break
+    if chosen and chosen not in frame_ids:
+        raise UsageError(f'{path}: {topic}: no scans of the frame_id {chosen} (found {", ".join(frame_ids) or "none"})')
+    if not chosen and len(frame_ids) > 1:
+        raise UsageError(f'{path}: {several_sensors(topic, frame_ids)}')
     if with_points is None:
         raise InputError(f'{path}: topic {topic} has no messages with points')
     try:
@@ -231,14 +284,34 @@ def open_bag(path, topic) -> Recording:
             fields_of(with_points)  # fails before any scan is described
     except InputError as error:
         raise InputError(f'{path}: {topic}: {error}') from None
+    frame_id = chosen or frame_ids[0]
+    return Topic(name or topic, frame_id, None if chosen else count or None,
+                 lambda: scans_of(path, topic, frame_id, bool(chosen), count))
 
-    def scans():
-        frame = -1
-        for frame, (recorded, ros1, kind, data) in enumerate(messages(path, topic)):
-            time = time_of(path, recorded, ros1, data)
-            yield Scan(frame, time, None, lambda ros1=ros1, kind=kind, data=data: read(path, ros1, kind, data),
-                       f'{path}, frame {frame}')
-        if frame + 1 < count:
-            raise InputError(f"{path}: {topic}: expected {count} messages by the bag's index, found {frame + 1}; the bag is corrupted")
 
-    return Recording(path.stem, count or None, scans)
+def transforms(path):
+    """Returns the rigid tree of the bag's TF: frame -> (parent, T_parent_frame). Joints that move are no part of it."""
+    tree, moving = {}, set()
+    for _, *message in messages(path, '', TFS):
+        for one in decode(path, *message).transforms:
+            t, q, child = one.transform.translation, one.transform.rotation, one.child_frame_id.lstrip('/')
+            parent, T = one.header.frame_id.lstrip('/'), rigid(np.array([[t.x, t.y, t.z]]), np.array([[q.x, q.y, q.z, q.w]]))[0]
+            before = tree.setdefault(child, (parent, T))
+            if before[0] != parent or not np.allclose(before[1], T, atol=1e-4):
+                moving.add(child)
+    return {child: edge for child, edge in tree.items() if child not in moving}
+
+
+def open_bag(path, topic) -> Recording:
+    found = open_topic(path, topic)
+    return Recording(path.stem, found.count, found.scans)
+
+
+def open_merged(path, names, extrinsics, unit) -> Recording:
+    """Merges topics (TOPIC or TOPIC@FRAME_ID). extrinsics: file of the sensors' poses; None: the bag's TF. unit: of the point times."""
+    topics = [open_topic(path, name) for name in names]
+    poses = poses_by_file(extrinsics, topics) if extrinsics else poses_by_tree(path, transforms(path), topics)
+    timed = [with_point_times(Recording(topic.name, topic.count, topic.scans), unit) for topic in topics]
+    topics = [topic._replace(scans=recording.scans) for topic, recording in zip(topics, timed)]
+    return Recording(path.stem, topics[0].count, lambda: merged(path, topics, poses),
+                     point_times='; '.join(f'{recording.name}: {recording.point_times}' for recording in timed))

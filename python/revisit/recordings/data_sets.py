@@ -3,7 +3,7 @@
 import numpy as np
 
 from revisit.errors import InputError, UsageError
-from revisit.poses import are_rigid, in_kitti_world, nearest, rigid, table_of
+from revisit.poses import are_rigid, nearest, rigid, table_of
 from revisit.recordings.recording import Scan, files_in, is_numbered, read_records, recording_of, records_of
 
 MAX_GAP = 0.1
@@ -97,7 +97,7 @@ def open_mulran(path):
     def poses_of(rows):
         poses = np.tile(np.eye(4), (len(rows), 1, 1))
         poses[:, :3] = rows[:, :12].reshape(-1, 3, 4)
-        return in_kitti_world(poses, 'lidar', MULRAN_EXTRINSIC)
+        return poses @ MULRAN_EXTRINSIC
 
     return timed(path.name, files_in(mulran_folder(path), '.bin'), 1e-9, lambda file: read_records(file, MULRAN),
                  first_table([path / 'global_pose.csv'], ',', 13), poses_of)
@@ -126,7 +126,7 @@ def open_helipr(path, sequence):
     truth = path / 'LiDAR_GT'
     return timed(f'{path.name}-{sensor}', files_in(path / 'LiDAR' / sensor, '.bin'), 1e-9, read,
                  first_table([truth / f'global_{sensor}_gt.txt', truth / f'{sensor}_gt.txt'], None, 8),
-                 lambda rows: in_kitti_world(rigid(rows[:, :3], rows[:, 3:7]), 'lidar'))
+                 lambda rows: rigid(rows[:, :3], rows[:, 3:7]))
 
 
 # NCLT: velodyne_sync/TIME.bin [us]; groundtruth_DATE.csv: time, x, y, z, roll, pitch, yaw.
@@ -147,7 +147,7 @@ def open_nclt(path):
     def poses_of(rows):
         poses = np.tile(np.eye(4), (len(rows), 1, 1))
         poses[:, :3, :3], poses[:, :3, 3] = euler(rows[:, 3:6]), rows[:, :3]
-        return in_kitti_world(Z_UP_OF_NCLT @ poses @ Z_UP_OF_NCLT, 'lidar')
+        return Z_UP_OF_NCLT @ poses @ Z_UP_OF_NCLT
 
     return timed(path.resolve().name, files_in(path / 'velodyne_sync', '.bin'), 1e-6, read_nclt,
                  first_table([path / truth, path.parent / 'ground_truth' / truth], ',', 7, holes=True), poses_of)

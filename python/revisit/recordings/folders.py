@@ -4,7 +4,7 @@ import numpy as np
 
 from revisit.datasets import open_dataset, read_recorded_scan, time_in_name
 from revisit.errors import InputError
-from revisit.poses import in_kitti_world, read_extrinsic
+from revisit.poses import AXES_OF_CAMERA, read_extrinsic
 from revisit.recordings.recording import RecordedTimes, Scan, recording_of, time_of_points
 
 
@@ -26,9 +26,9 @@ def open_scans(path, sequence):
     dataset = open_dataset(path, sequence)
     scans = dataset.scans
     calibration = scans[0].file.parent.parent / 'calib.txt'
-    extrinsic = read_extrinsic(calibration) if dataset.has_poses and calibration.is_file() else None
+    extrinsic = read_extrinsic(calibration) if dataset.has_poses and calibration.is_file() else AXES_OF_CAMERA
     return recording_of(dataset.sequence or dataset.name, [
-        Scan(scan.frame, scan.time, None if scan.pose is None else in_kitti_world(scan.pose, 'camera', extrinsic),
+        Scan(scan.frame, scan.time, None if scan.pose is None else scan.pose @ extrinsic,
              lambda file=scan.file: read_file(file), str(scan.file)) for scan in scans], dataset.warnings)
 
 

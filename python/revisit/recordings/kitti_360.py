@@ -6,7 +6,7 @@ import numpy as np
 
 from revisit.datasets import read_scan
 from revisit.errors import InputError, UsageError
-from revisit.poses import in_kitti_world, matrix_of, table_of
+from revisit.poses import matrix_of, table_of
 from revisit.recordings.recording import Scan, files_in, recording_of
 
 
@@ -65,7 +65,7 @@ def poses_of(root, drive):
     if table.shape[1] != 13:
         raise InputError(f'{file}: expected a frame and 12 numbers per line, found {table.shape[1]} columns')
     T_imu_velo = calibration(root / 'calibration')
-    return {int(row[0]): in_kitti_world(matrix_of(row[1:], file), 'lidar', T_imu_velo) for row in table}
+    return {int(row[0]): matrix_of(row[1:], file) @ T_imu_velo for row in table}
 
 
 def open_kitti_360(path, sequence):

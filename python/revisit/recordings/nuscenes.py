@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from revisit.errors import InputError, UsageError
-from revisit.poses import are_rigid, in_kitti_world, rigid
+from revisit.poses import are_rigid, rigid
 from revisit.recordings.data_sets import record
 from revisit.recordings.recording import Scan, read_records, recording_of
 
@@ -78,7 +78,7 @@ def from_tables(path, tables, sequence):
 
     def pose(row):
         T_world_car, T_car_lidar = pose_of(places[row['ego_pose_token']]), pose_of(sensors[row['calibrated_sensor_token']])
-        return in_kitti_world(T_world_car, 'lidar', T_car_lidar)
+        return T_world_car @ T_car_lidar
 
     rows.sort(key=lambda row: row['timestamp'])
     return recording_of(scene['name'], [scan_of(i, file_of(path, row['filename']), row['timestamp'] * 1e-6, pose(row))

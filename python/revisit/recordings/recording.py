@@ -29,7 +29,7 @@ class Scan(NamedTuple):
     time: float | None
     """[s]"""
     pose: np.ndarray | None
-    """T_world_lidar, float64 [4][4], in KITTI's world; see revisit.poses."""
+    """T_world_lidar, float64 [4][4]. The world has z up, or the axes of KITTI's camera in KITTI's layout."""
     read: Callable[[], tuple[np.ndarray, np.ndarray | None]]
     """Reads points, float32 [n][3 or more] in the lidar's frame [m], possibly a view, and their times, or None. Of
     open_recording(): float32 [n] [s], relative to the scan's stamp; of a reader: RecordedTimes. Raises InputError if the data

@@ -84,7 +84,6 @@ std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions&
                                                          int64_t& skipped) {
   const std::vector<int> strides = strides_of(o);
   LabelingOptions how{.exclusion = parse_exclusion(o.exclusion),
-                      .rule = rule_of(o.radius),
                       .augmentations = o.augmentations,
                       .seed = uint64_t{o.seed} << 32,
                       .skipped = &skipped};
@@ -92,6 +91,7 @@ std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions&
   const Observer observer = o.running.observer();
   for (Dataset drive : drives) {
     all.emplace_back();
+    how.rule = rule_of(o.radius, drive);
     const std::vector<ScanRef> scans = std::move(drive.scans);
     for (const int every : strides) {
       drive.scans.clear();
@@ -193,14 +193,13 @@ int calibrate(const CalibrateOptions& o) {
     throw InputError(names, ": no match is ", matches.empty() ? "correct or incorrect" : "correct",
                      "; give drives with revisits, or a smaller --exclusion");
   if (!o.evaluate) {
-    const MatchRule rule = rule_of(o.radius);
     std::vector<std::vector<LabeledScore>> scores;
-    for (const std::vector<LabeledMatch>& drive : of_drives)
-      scores.push_back(scores_by_place(drive, rule));
+    for (size_t i = 0; i < drives.size(); ++i)
+      scores.push_back(scores_by_place(of_drives[i], rule_of(o.radius, drives[i])));
     model.calibration = calibrate_leave_one_out(scores, kMatchPrior);
     model.calibration->score = score;
-    model.calibration->radius = rule.radius;
-    model.calibration->negative_radius = rule.negative_radius;
+    model.calibration->radius = o.radius;
+    model.calibration->negative_radius = rule_of(o.radius, drives[0]).negative_radius;
     model.calibration->trained_on = names;
     write_ring_model(output, model);
   }

@@ -150,7 +150,7 @@ Calibration calibrated(const LoopsOptions& o, const MapSource& source, const std
   options.odometry_gate.reset();
   LoopDetector detector(map, options);
   cli::Progress progress("calibrating", "scans", o.shows_progress());
-  const MatchRule rule = rule_of(kCalibrationRadius);
+  const MatchRule rule = rule_of(kCalibrationRadius, dataset);
   const std::vector<LabeledScore> matches = scores_by_place(
       labeled_loops(dataset, detector, rule, !o.no_deskew, progress.callback()), rule);
   if (std::ranges::none_of(matches, &LabeledScore::correct))
@@ -225,10 +225,10 @@ class LoopOutputs {
     const Detection& found = visit.found;
     poses_ += visit.scan.pose ? 1 : 0;
     const bool registered = found.accepted && found.registered;
-    if (graph_) add_to_graph(visit, registered);
+    if (graph_) add_to_graph(visit, drive, registered);
     if (trajectory_ && registered && found.loop->pose) {
       trajectory_->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),
-                       o_.poses.as_given(*found.loop->pose * found.registered->T_place_query));
+                       *found.loop->pose * found.registered->T_place_query);
       ++trajectory_poses_;
     }
     if (found.accepted || all_) writer_.write(line_of(visit, drive));
@@ -262,13 +262,15 @@ class LoopOutputs {
     return file_;
   }
 
-  void add_to_graph(const Visit& visit, bool registered) {
+  void add_to_graph(const Visit& visit, const std::string& drive, bool registered) {
     const Detection& found = visit.found;
     if (registered && !found.index) ++not_in_graph_;
     if (!found.index) return;
-    graph_->vertex(*found.index, o_.poses.as_given(visit.scan.pose));
+    graph_->vertex(*found.index, visit.scan.pose,
+                   scan_name(drive, visit.scan.frame, visit.scan.time));
     if (!registered) return;
-    graph_->known_vertex(found.loop->index, o_.poses.as_given(found.loop->pose));
+    const Loop& loop = *found.loop;
+    graph_->known_vertex(loop.index, loop.pose, scan_name(loop.drive, loop.frame, loop.time));
     graph_->edge(found.loop->index, *found.index, found.registered->T_place_query,
                  found.registered->information);
     edges_[visit.scan.frame] = str(found.loop->index, "-", *found.index);

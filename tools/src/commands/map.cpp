@@ -190,7 +190,8 @@ int query_scans(QueryOptions& o) {
   for (const fs::path& scan : o.scans) {
     if (std::error_code error; is_recording(scan) || fs::is_directory(scan, error)) {
       o.feature.data = scan;
-      std::ranges::move(open_scans(o.feature).scans, std::back_inserter(dataset.scans));
+      std::ranges::move(with_sensor_poses(open_scans(o.feature)),
+                        std::back_inserter(dataset.scans));
       continue;
     }
     dataset.scans.emplace_back().file = scan;
@@ -375,7 +376,7 @@ Command remove() {
           "Removes entries from a map. Their ids are not used again. To replace places that "
           "changed, describe them again with `revisit loops --map` or `revisit map build`.",
           "  revisit map remove town.map --ids 3,7-9\n"
-          "  revisit map remove town.map --drive monday --near 120,0,-35 --radius 20 --dry-run\n"
+          "  revisit map remove town.map --drive monday --near 120,-35,0 --radius 20 --dry-run\n"
           "  revisit map remove town.map --older 30\n",
           with_options<Removal>(remove_entries)};
 }

@@ -88,7 +88,10 @@ void TruthOptions::declare(Options& options) {
 
 Dataset TruthOptions::open(const FeatureOptions& data, bool needs_poses) const {
   Dataset dataset = open_scans(data, needs_poses && !has_own());
-  if (!poses.file.empty()) dataset.scans = poses.scans_of(dataset);
+  if (!poses.file.empty()) {
+    dataset.scans = poses.scans_of(dataset);
+    dataset.camera_axes = *poses.of_camera;
+  }
   return dataset;
 }
 
@@ -175,7 +178,7 @@ void EvalOptions::declare_evaluation(Options& options) {
               "without registration (default: the protocol's; similarity for fabmap)",
               &score)
       .option("k", "K", "retrieved scans per query (default 4)", &k)
-      .option("distance", "xz|3d|box|place",
+      .option("distance", "xy|xz|3d|box|place",
               "distance of a query to its match (default: the protocol's)", &distance)
       .option("radius", "METERS", "maximum distance of a correct match (default: the protocol's)",
               &radius)

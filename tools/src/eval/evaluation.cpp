@@ -271,11 +271,12 @@ class DrivingOrder {
 };
 
 DrivingOrderOptions driving_order_options(const EvalOptions& given,
-                                          const EvaluationOptions& evaluation) {
+                                          const EvaluationOptions& evaluation,
+                                          const Trajectory& trajectory) {
   DrivingOrderOptions how;
   how.evaluation = evaluation;
   const double radius = given.radius.value_or(MatchRule().radius);
-  how.rule = {evaluation.distance.value_or(Distance::kXz), radius,
+  how.rule = {evaluation.distance.value_or(trajectory.horizontal), radius,
               given.negative_radius.value_or(2 * radius)};
   if (how.rule.negative_radius < radius)
     throw UsageError("--negative-radius: expected at least the radius, ", radius, " m, found ",
@@ -292,10 +293,10 @@ DrivingOrderOptions driving_order_options(const EvalOptions& given,
 FinishedEvaluation evaluate_driving(const EvalOptions& options) {
   EvalOptions given = options;
   const EvaluationOptions evaluation = library_options(given);
-  DrivingOrderOptions how = driving_order_options(given, evaluation);
   const Dataset dataset = given.truth.open(given.feature, needs_poses(evaluation));
-  how.detector.drive = dataset.name;
   Trajectory trajectory = trajectory_of(given, dataset);
+  DrivingOrderOptions how = driving_order_options(given, evaluation, trajectory);
+  how.detector.drive = dataset.name;
   MapSource described = map_source(given.feature, dataset, "", ScansAtOnce::kOne, given.warmup);
   described.options.warmup = given.warmup;
   described.options.k = given.k;
@@ -377,7 +378,7 @@ std::string write_ground_truth(const EvalOptions& o) {
   const EvaluationOptions options = library_options(o);
   const Dataset dataset = o.truth.open(o.feature, needs_poses(options));
   const Trajectory trajectory = make_trajectory(dataset);
-  const MatchRule rule{options.distance.value_or(Distance::kXz),
+  const MatchRule rule{options.distance.value_or(trajectory.horizontal),
                        options.radius.value_or(MatchRule().radius)};
   const Exclusion exclusion = options.exclusion.value_or(Exclusion());
   const auto pairs = find_loops(trajectory, rule, exclusion);

@@ -47,9 +47,21 @@ void FeatureOptions::declare_data(Options& options) {
   options.group("Data:");
   options
       .option("sequence", "NAME",
-              "sequence of a data set that has several (00, scene-0061, Ouster); topic of a bag",
+              "sequence of a data set that has several (00, scene-0061, Ouster); TOPIC or "
+              "TOPIC@FRAME_ID of a bag",
               &sequence)
       .common();
+  options
+      .option("topics", "A,B",
+              "topics of a bag that are merged into one scan per sweep, in the frame and at the "
+              "stamps of the first",
+              &topics)
+      .excludes({"sequence"})
+      .option("extrinsics", "FILE",
+              "poses of these sensors, lines `NAME x y z qx qy qz qw` with a topic or frame_id "
+              "(default: the bag's TF)",
+              &extrinsics)
+      .needs("topics");
   options
       .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
               &every)

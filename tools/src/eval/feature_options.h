@@ -25,7 +25,9 @@ enum class Scans { kOfDrives, kOneByOne, kStored };
 struct FeatureOptions {
   std::filesystem::path data;
   std::string sequence;  // or the topic of a bag
-  int every = 1;         // frame stride
+  std::string topics;    // of a bag, to be merged
+  std::filesystem::path extrinsics;
+  int every = 1;                     // frame stride
   std::string point_times = "auto";  // unit of the times of points
   GeometryOptions image;
   std::string feature = "ring";

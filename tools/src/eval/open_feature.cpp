@@ -273,6 +273,8 @@ void warn_of_other_sensor(const Dataset& dataset, const std::string& sensor) {
 }
 
 Dataset scans_so_far(const FeatureOptions& options, bool needs_poses) {
+  if (!options.topics.empty())
+    throw UsageError("--topics: ", options.data.string(), " is not a bag; remove the option");
   Dataset dataset = open_dataset(options.data, options.sequence, needs_poses);
   std::erase_if(dataset.scans,
                 [&](const ScanRef& scan) { return scan.frame % options.every != 0; });

@@ -59,7 +59,8 @@ void add_scans(const RunContext& context, reports::Run& run) {
   }
   for (const Eigen::Vector3d& position : context.trajectory.positions) {
     run.add_x(rounded(position.x(), 0.01));
-    run.add_z(rounded(position.z(), 0.01));
+    const bool z_up = context.trajectory.horizontal == Distance::kXy;
+    run.add_z(rounded(z_up ? position.y() : position.z(), 0.01));
   }
   const auto aligned = [](const AlignmentRecord& a) { return !std::isnan(a.yaw); };
   if (std::ranges::none_of(context.result.alignments, aligned)) return;  // camera images

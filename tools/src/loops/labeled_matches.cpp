@@ -105,9 +105,9 @@ std::vector<LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
   return scores;
 }
 
-MatchRule rule_of(double radius) {
+MatchRule rule_of(double radius, const Dataset& drive) {
   if (!(radius > 0)) throw UsageError("--radius: expected a positive number, found ", radius);
-  return {.radius = radius, .negative_radius = 2 * radius};
+  return {horizontal_distance(drive), radius, 2 * radius};
 }
 
 }  // namespace revisit::cli

@@ -45,6 +45,6 @@ std::vector<LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
 
 /// A match is correct below `radius` [m] and incorrect beyond twice that. In between the vehicle is
 /// nearly back, but not at the matched place.
-MatchRule rule_of(double radius);
+MatchRule rule_of(double radius, const Dataset& drive);
 
 }  // namespace revisit::cli

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <vector>
 
+#include "cli/terminal.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
@@ -26,18 +27,25 @@ std::ofstream open_text(const std::filesystem::path& file) {
 }
 
 void write_line(std::ofstream& out, const std::filesystem::path& file, const std::string& words,
-                const std::vector<double>& numbers) {
+                const std::vector<double>& numbers, const std::string& end = "") {
   out << words;
   const char* between = words.empty() ? "" : " ";
   for (const double number : numbers) {
     out << between << number;
     between = " ";
   }
-  out << "\n";
+  out << end << "\n";
   flush(out, file);
 }
 
 }  // namespace
+
+std::string scan_name(const std::string& drive, int64_t frame, const std::optional<double>& time) {
+  std::string name =
+      str("frame ", frame, time ? " time " + number(*time, 6) : "", " drive ", drive);
+  std::ranges::replace(name, '\n', ' ');
+  return name;
+}
 
 void LoopSummary::add(const Detection& found) {
   ++scans_;
@@ -84,8 +92,9 @@ std::string LoopSummary::text() const {
 PoseGraphWriter::PoseGraphWriter(const std::filesystem::path& file)
     : file_(file), out_(open_text(file)) {}
 
-void PoseGraphWriter::vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor) {
-  write_vertex(id, T_world_sensor.value_or(Eigen::Isometry3d::Identity()));
+void PoseGraphWriter::vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor,
+                             const std::string& scan) {
+  write_vertex(id, T_world_sensor.value_or(Eigen::Isometry3d::Identity()), scan);
   // Assumed odometry noise, because none is given: 5 cm and 0.3 degrees between scans.
   if (last_ && T_world_sensor) {
     Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
@@ -100,16 +109,18 @@ void PoseGraphWriter::vertex(int64_t id, const std::optional<Eigen::Isometry3d>&
 }
 
 void PoseGraphWriter::known_vertex(int64_t id,
-                                   const std::optional<Eigen::Isometry3d>& T_world_sensor) {
+                                   const std::optional<Eigen::Isometry3d>& T_world_sensor,
+                                   const std::string& scan) {
   if (!written_.contains(id))
-    write_vertex(id, T_world_sensor.value_or(Eigen::Isometry3d::Identity()));
+    write_vertex(id, T_world_sensor.value_or(Eigen::Isometry3d::Identity()), scan);
 }
 
-void PoseGraphWriter::write_vertex(int64_t id, const Eigen::Isometry3d& pose) {
+void PoseGraphWriter::write_vertex(int64_t id, const Eigen::Isometry3d& pose,
+                                   const std::string& scan) {
   const Eigen::Quaterniond q(pose.rotation());
   const Eigen::Vector3d t = pose.translation();
   write_line(out_, file_, str("VERTEX_SE3:QUAT ", id),
-             {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
+             {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}, "  # " + scan);
   written_.insert(id);
 }
 

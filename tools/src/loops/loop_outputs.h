@@ -36,22 +36,28 @@ class LoopSummary {
   double best_ = 0;
 };
 
+/// A scan in the comments of a graph: "frame 170 time 17.5 drive town".
+std::string scan_name(const std::string& drive, int64_t frame, const std::optional<double>& time);
+
 /// Pose graph in g2o's text format, written incrementally: one vertex per entry, one edge to the
-/// preceding entry if both have poses, and one edge per registered loop.
+/// preceding entry if both have poses, and one edge per registered loop. A vertex ends with `scan`,
+/// its scan_name(), as a comment.
 class PoseGraphWriter {
  public:
   /// Throws Error if the file cannot be written; all member functions do.
   explicit PoseGraphWriter(const std::filesystem::path& file);
   /// `T_world_sensor`; absent: only loops constrain the vertex.
-  void vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor);
+  void vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor,
+              const std::string& scan);
   /// Writes a vertex for an entry of an earlier session, once.
-  void known_vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor);
+  void known_vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor,
+                    const std::string& scan);
   /// `information` for (translation, rotation vector), as in Registration.
   void edge(int64_t from, int64_t to, const Eigen::Isometry3d& T_from_to,
             const Eigen::Matrix<double, 6, 6>& information);
 
  private:
-  void write_vertex(int64_t id, const Eigen::Isometry3d& pose);
+  void write_vertex(int64_t id, const Eigen::Isometry3d& pose, const std::string& scan);
 
   std::filesystem::path file_;
   std::ofstream out_;

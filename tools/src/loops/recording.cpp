@@ -343,8 +343,11 @@ RecordedScans read_recording(const FeatureOptions& options, bool headers) {
   Arguments words = {python != nullptr ? python : "python3", "-c",
                      str(kProgram, "sys.exit(main(headers=", headers ? "True" : "False", "))"),
                      str("--every=", options.every)};
-  if (!options.sequence.empty()) words.push_back("--sequence=" + options.sequence);
-  words.push_back("--point-times=" + options.point_times);
+  for (const auto& [option, value] :
+       {std::pair("--sequence=", options.sequence), std::pair("--topics=", options.topics),
+        std::pair("--extrinsics=", options.extrinsics.string()),
+        std::pair("--point-times=", options.point_times)})
+    if (!value.empty()) words.push_back(option + value);
   words.push_back("--");
   words.push_back(options.data.string());
   const auto reader = std::make_shared<ReaderProcess>(std::move(words));
@@ -371,10 +374,7 @@ Dataset spooled(const RecordedScans& scans) {
   const auto file = std::make_shared<UnnamedFile>();
   PointCloud cloud;
   while (std::optional<ScanRef> scan = scans.next()) {
-    if (scan->pose) {
-      scan->pose = *scan->pose * axes_of_camera().inverse();
-      ++dataset.n_poses;
-    }
+    dataset.n_poses += scan->pose ? 1 : 0;
     try {
       scan->read(cloud);
       scan->checksum = checksum_of(cloud);

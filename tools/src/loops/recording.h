@@ -39,8 +39,7 @@ RecordedScans read_recording(const FeatureOptions& data, bool headers = false);
 /// Frames, times and poses of all scans of a recording, without points.
 Dataset headers_of(const FeatureOptions& data);
 
-/// Copies the points into an unnamed temporary file, 16 to 20 bytes each, for several passes. Poses
-/// become T_world_cam of a camera with KITTI's axes in the sensor.
+/// Copies the points into an unnamed temporary file, 16 to 20 bytes each, for several passes.
 Dataset spooled(const RecordedScans& scans);
 
 }  // namespace revisit::cli

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 Pose calibration_of(const ScanRef& scan) {
   const fs::path file = scan.file.parent_path().parent_path() / "calib.txt";
-  return !scan.read && fs::exists(file) ? read_kitti_calibration(file) : axes_of_camera();
+  return fs::exists(file) ? read_kitti_calibration(file) : axes_of_camera();
 }
 
 /// Reads one file name per line and skips empty lines. Frames count from 0.
@@ -189,11 +189,19 @@ ScanSource growing(const FeatureOptions& data, double patience) {
   return source;
 }
 
+void warn_of_folders(const fs::path& data, const Dataset& dataset) {
+  std::vector<std::string> folders;
+  for (const ScanRef& scan : dataset.scans)
+    if (folders.empty() || folders.back() != scan.place) folders.push_back(scan.place);
+  warn(str(data.string(), ": has no scans; its ", folders.size(), " folders (", folders.front(),
+           " to ", folders.back(),
+           ") are taken as one drive, in this order; else give one of them"));
+}
+
 }  // namespace
 
 std::vector<ScanRef> with_sensor_poses(Dataset dataset) {
-  if (std::ranges::any_of(dataset.scans,
-                          [](const ScanRef& scan) { return scan.pose.has_value(); })) {
+  if (dataset.camera_axes) {
     const Pose T_cam_sensor = calibration_of(dataset.scans.front());
     for (ScanRef& scan : dataset.scans)
       if (scan.pose) scan.pose = *scan.pose * T_cam_sensor;
@@ -213,8 +221,8 @@ ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
   const bool listed = data.data == "-";
   if (!poses.file.empty() && (follow || listed))
     throw UsageError("--poses: not supported with ", follow ? "--follow" : "standard input");
-  if (listed && !data.sequence.empty())
-    throw UsageError("--sequence: not supported with standard input");
+  if (listed && !(data.sequence.empty() && data.topics.empty()))
+    throw UsageError("--sequence, --topics: not supported with standard input");
   if (listed) return standard_input(data.every, data.point_times);
   if (is_recording(data.data)) {
     if (follow) throw UsageError("--follow: not supported for recordings");
@@ -225,6 +233,7 @@ ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
                      ": expected a folder of scans or a recording, found another file");
   if (follow) return growing(data, *follow);
   Dataset dataset = open_scans(data);
+  if (dataset.has_places() && !data.quiet) warn_of_folders(data.data, dataset);
   find_point_times(dataset, data.point_times);
   dataset.scans = poses.scans_of(dataset);
   const auto count = static_cast<int64_t>(dataset.scans.size());
@@ -236,7 +245,7 @@ void PoseOptions::declare(Options& options) {
       .option("poses", "FILE", "poses of the scans (default: the data set's)", &file)
       .common()
       .choice<bool>("pose-frame", {{"lidar", false}, {"camera", true}},
-                    "axes of --poses, which needs it, and of pose files that are written: "
+                    "axes of --poses, which needs it, and of all poses that are written: "
                     "lidar (z up) or camera (x right, y down, z forward)",
                     &of_camera)
       .needs("poses")
@@ -261,10 +270,10 @@ std::vector<ScanRef> PoseOptions::scans_of(const Dataset& dataset) const {
   if (file.empty()) return with_sensor_poses(dataset);
   const std::optional<Pose> T_body_lidar =
       calib.empty() ? std::nullopt : std::optional(read_extrinsic(calib));
+  const Pose ahead = *of_camera ? axes_of_camera() : Pose::Identity();
   std::vector<ScanRef> scans = dataset.scans;
   const std::vector<Pose> poses = poses_of(read_timed_poses(file), scans, max_gap);
-  for (size_t i = 0; i < scans.size(); ++i)
-    scans[i].pose = in_kitti_world(poses[i], *of_camera, T_body_lidar);
+  for (size_t i = 0; i < scans.size(); ++i) scans[i].pose = poses[i] * T_body_lidar.value_or(ahead);
   return scans;
 }
 

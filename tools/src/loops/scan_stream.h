@@ -14,8 +14,8 @@ namespace revisit::cli {
 /// Returns the next scan, or nothing at the end. Poses are T_world_sensor.
 using ScanStream = std::function<std::optional<ScanRef>()>;
 
-/// Scans of a data set with camera poses, converted by the calib.txt beside the scans, or else by
-/// the axes of KITTI's camera.
+/// Scans with T_world_sensor: poses of KITTI's camera are converted by the calib.txt beside the
+/// scans, or else by the camera's axes.
 std::vector<ScanRef> with_sensor_poses(Dataset dataset);
 ScanStream stream_of(std::vector<ScanRef> scans);
 
@@ -25,13 +25,8 @@ struct PoseOptions {
   double max_gap = 0.1;
 
   void declare(Options& options);
-  /// Scans with T_world_sensor in a world with KITTI's axes, from the file or else the data set.
+  /// Scans with T_world_sensor, from the file or else the data set.
   std::vector<ScanRef> scans_of(const Dataset& dataset) const;
-  /// A pose of scans_of() in the axes of the file, or of KITTI.
-  Pose as_given(const Pose& pose) const { return in_frame(pose, of_camera.value_or(true)); }
-  std::optional<Pose> as_given(const std::optional<Pose>& pose) const {
-    return pose ? std::optional(as_given(*pose)) : std::nullopt;
-  }
 };
 
 struct ScanSource {

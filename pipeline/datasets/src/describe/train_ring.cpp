@@ -15,10 +15,14 @@
 namespace revisit {
 namespace {
 
-/// [rad], counter-clockwise in the top-down view. World and camera: x right, y down, z forward.
-double heading_of(const Pose& T_world_cam) {
-  const Eigen::Vector3d forward = T_world_cam.linear().col(2);
-  return std::atan2(-forward.x(), forward.z());
+/// In a world with z up, of a body with x forward, y left, z up.
+Pose upright_pose(const Pose& pose, bool camera_axes) {
+  return camera_axes ? axes_of_camera().inverse() * pose * axes_of_camera() : pose;
+}
+
+/// [rad], counter-clockwise in the top-down view.
+double heading_of(const Pose& upright) {
+  return std::atan2(upright(1, 0), upright(0, 0));
 }
 
 uint64_t number_of(const PointCloud& cloud) {
@@ -118,9 +122,10 @@ std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<
     for (size_t j = i + 1; j < scans.size(); ++j) {
       const ScanRef &a = scan_of(scans[i]), &b = scan_of(scans[j]);
       if (b.frame - a.frame > frames_apart) break;
-      const Eigen::Vector3d apart = b.pose->translation() - a.pose->translation();
-      if (std::hypot(apart.x(), apart.z()) >= radius) continue;
-      pairs.push_back({scans[i], scans[j], heading_of(*b.pose) - heading_of(*a.pose)});
+      const Pose from = upright_pose(*a.pose, dataset.camera_axes);
+      const Pose to = upright_pose(*b.pose, dataset.camera_axes);
+      if ((to.translation() - from.translation()).head<2>().norm() >= radius) continue;
+      pairs.push_back({scans[i], scans[j], heading_of(to) - heading_of(from)});
     }
   return pairs;
 }

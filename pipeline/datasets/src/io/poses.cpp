@@ -67,6 +67,9 @@ constexpr const char* kRowOfFormat[] = {"12 numbers: the rows of a 3 x 4 matrix"
                                         "time x y z qx qy qz qw",
                                         "time [ns], x, y, z, qw, qx, qy, qz"};
 
+constexpr const char* kOtherLines =
+    "; begin a header with #, and remove lines without a pose (not of KITTI's format)";
+
 struct Row {
   std::vector<double> numbers;
   std::string where;
@@ -83,7 +86,11 @@ std::vector<Row> rows_of(const fs::path& file) {
     std::ranges::replace(text, ',', ' ');
     if (text.find_first_not_of(" \t") == std::string::npos) continue;
     const std::string where = str(file.string(), ":", i + 1);
-    rows.push_back({parse_numbers(text, where), where, i, has_commas});
+    try {
+      rows.push_back({parse_numbers(text, where), where, i, has_commas});
+    } catch (const InputError& error) {
+      throw InputError(error.what(), kOtherLines);
+    }
   }
   if (rows.empty()) throw InputError(file.string(), ": is empty");
   return rows;
@@ -103,7 +110,7 @@ std::string format_of(const fs::path& file, const std::vector<Row>& rows) {
   if (count == 8) return "tum";
   throw InputError(file.string(), ": no poses in a known format (kitti: ", kRowOfFormat[0],
                    "; tum: ", kRowOfFormat[1], "; euroc: ", kRowOfFormat[2],
-                   "); the first line has ", count, " numbers");
+                   "); the first line has ", count, " numbers; write the columns of one format");
 }
 
 /// Reads a file whose line number is the frame.
@@ -252,15 +259,6 @@ Pose axes_of_camera() {
       0, 0, -1,                         //
       1, 0, 0;
   return T_camera_lidar;
-}
-
-Pose in_kitti_world(const Pose& pose, bool of_camera, const std::optional<Pose>& T_body_lidar) {
-  if (of_camera) return pose * T_body_lidar.value_or(axes_of_camera());
-  return axes_of_camera() * pose * T_body_lidar.value_or(Pose::Identity());
-}
-
-Pose in_frame(const Pose& T_world_lidar, bool of_camera) {
-  return of_camera ? T_world_lidar : axes_of_camera().inverse() * T_world_lidar;
 }
 
 }  // namespace revisit

@@ -331,7 +331,7 @@
   function loopSection(loops, index) {
     const lines = list(loops.lines), name = loops.title, own = line => (line.match_drive || "") === (line.drive || "");
     const isLoop = line => line.accepted, apart = line => line.position && line.match_position &&
-      Math.hypot((line.position.x || 0) - (line.match_position.x || 0), (line.position.z || 0) - (line.match_position.z || 0));
+      Math.hypot(...["x", "y", "z"].map(axis => (line.position[axis] || 0) - (line.match_position[axis] || 0)));
     const found = lines.filter(isLoop), drives = [...new Set(found.map(line => line.match_drive || ""))].sort();
     const rejected = lines.filter(line => line.registered && !line.accepted);
     const middle = values => values.length ? [...values].sort((a, b) => a - b)[values.length >> 1] : NaN;
@@ -340,8 +340,10 @@
       ...(line.yaw_deg === undefined ? [] : [`relative yaw ${number(line.yaw_deg, 1)} degrees`]), ...(Number.isFinite(apart(line)) ? [`${number(apart(line), 1)} m apart by the poses`] : [])])];
     const label = item => text(lines[item.raw.scan]);
     const positions = new Map(lines.map((line, i) => [line, i])), point = (line, x, y) => ({ x, y, scan: positions.get(line) });
-    const ground = line => point(line, line.position.x || 0, line.position.z || 0), place = line => ({ x: line.match_position.x || 0, y: line.match_position.z || 0 });
-    const placed = lines.filter(line => line.position), xs = placed.map(line => line.position.x || 0), zs = placed.map(line => line.position.z || 0);
+    const placed = lines.filter(line => line.position), along = axis => placed.map(line => line.position[axis] || 0);
+    const range = axis => along(axis).reduce((a, b) => Math.max(a, b), -Infinity) - along(axis).reduce((a, b) => Math.min(a, b), Infinity);
+    const ahead = range("z") > range("y") ? "z" : "y", xs = along("x"), zs = along(ahead);  // z: the axes of KITTI's camera
+    const ground = line => point(line, line.position.x || 0, line.position[ahead] || 0), place = line => ({ x: line.match_position.x || 0, y: line.match_position[ahead] || 0 });
     const onMap = found.filter(line => line.position && line.match_position);
     const matrix = plot(`matches, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
       dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColors[i % kColors.length], 2.5)) },

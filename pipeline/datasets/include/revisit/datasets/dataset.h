@@ -14,7 +14,8 @@
 
 namespace revisit {
 
-/// Rigid transform from a vehicle frame to the world [m]: `T_world_cam` or `T_world_velo`.
+/// Rigid transform from a vehicle frame to the world [m]: `T_world_cam` or `T_world_velo`. The
+/// world has the axes of the file that the pose is from: nothing converts them.
 using Pose = Eigen::Isometry3d;
 
 /// Reads a KITTI poses file: line i holds the row-major 3x4 `T_world_cam` of frame i (camera: x
@@ -35,7 +36,7 @@ std::vector<double> read_kitti_times(const std::filesystem::path& file);
 struct ScanRef {
   std::filesystem::path file;
   int frame = 0;  // index in the sequence; KITTI: the number in the file name (gaps are allowed)
-  std::optional<Pose> pose;    // T_world_cam for KITTI, as stored; absent without ground truth
+  std::optional<Pose> pose;    // T_world_cam for KITTI, else T_world_lidar; absent if unknown
   std::optional<double> time;  // [s]
   std::string place;           // in a data set sorted by places; else ""
   /// Reads the points of a scan without a file of its own, e.g. in a bag; `file` only names it.
@@ -59,6 +60,8 @@ struct Dataset {
   std::vector<ScanRef> scans;
   /// Counts frames whose scans are missing or skipped, too; 0 without poses.
   int64_t n_poses = 0;
+  /// The world has KITTI's camera axes: x right, y down, z forward. Else it has z up.
+  bool camera_axes = false;
   std::vector<std::string> warnings;
   std::string point_times;  // PointTimes::text; "" if unknown, or if files have no times
   bool has_poses() const {
@@ -115,12 +118,5 @@ std::vector<Pose> poses_of(const TimedPoses& timed, std::span<const ScanRef> sca
 
 /// T_camera_lidar: lidar x forward, y left, z up; KITTI's camera x right, y down, z forward.
 Pose axes_of_camera();
-
-/// T_world_lidar in a world with KITTI's axes. `T_body_lidar` is the extrinsic of the body that the
-/// poses are of; absent: the lidar, or a forward-looking camera. `of_camera`: the axes of `pose`
-/// are those of a camera in a world with KITTI's axes, else those of a lidar in a world with z up.
-Pose in_kitti_world(const Pose& pose, bool of_camera, const std::optional<Pose>& T_body_lidar);
-/// Converts T_world_lidar from KITTI's world to that of a file whose poses are `of_camera` or not.
-Pose in_frame(const Pose& T_world_lidar, bool of_camera);
 
 }  // namespace revisit

@@ -36,7 +36,7 @@ void train_ring_model(RingModel& model, const engine::Net& net, const LayerDimen
                       const Observer& observer);
 
 /// `scans` are rows, ascending. Pairs are at most `radius` [m] apart on the ground and at most
-/// `frames_apart` frames. The heading is the z axis of KITTI's T_world_cam.
+/// `frames_apart` frames.
 std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<int64_t>& scans,
                                       double radius, int frames_apart);
 

@@ -16,22 +16,22 @@
 
 namespace revisit {
 
-/// Camera axes of KITTI: x right, y down, z forward [m].
 enum class Distance {
-  kXz,  // horizontal: sqrt(dx^2 + dz^2)
+  kXy,  // horizontal in a world with z up: sqrt(dx^2 + dy^2)
+  kXz,  // horizontal in KITTI's world, with y down
   k3d,
   kBox,    // max(|dx|, |dy|, |dz|): the paper's "all three coordinate differences below 3 m"
   kPlace,  // 0 between scans of the same named place, else infinite; for data sets without poses
   kPairs,  // none: ground truth is a list of pairs (Trajectory::listed)
 };
-/// "xz", "3d", "box", "place", "pairs"; throws UsageError for anything else.
+/// "xy", "xz", "3d", "box", "place", "pairs"; throws UsageError for anything else.
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
 
 /// A match is correct if its distance is below `radius`, incorrect beyond `negative_radius`, else
 /// neither.
 struct MatchRule {
-  Distance distance = Distance::kXz;
+  Distance distance = Distance::kXy;
   double radius = 5;  // [m]
   // [m]; 0 or below the radius: matches that are not correct are incorrect.
   double negative_radius = 0;
@@ -56,7 +56,8 @@ struct ListedPairs {
 /// Scans of a data set, in frame order.
 struct Trajectory {
   std::vector<int> frames;                 // strictly increasing; gaps are legal
-  std::vector<Eigen::Vector3d> positions;  // translation of T_world_cam [m]; empty: unknown
+  std::vector<Eigen::Vector3d> positions;  // of the poses [m]; empty: unknown
+  Distance horizontal = Distance::kXy;     // of the positions' world
   std::vector<double> times;               // [s]; empty: unknown
   std::vector<std::string> places;         // empty: unknown
   std::optional<ListedPairs> listed;       // replaces all other ground truth
@@ -66,6 +67,8 @@ struct Trajectory {
 
 /// Throws InputError if the frames are not strictly increasing or a position is not finite.
 Trajectory make_trajectory(const Dataset& dataset);
+/// kXz or kXy, by the axes of the poses' world.
+Distance horizontal_distance(const Dataset& dataset);
 
 double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind);
 /// `a` and `b` are rows. Throws Error for kPairs.
