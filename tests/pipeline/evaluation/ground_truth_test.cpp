@@ -19,6 +19,7 @@ Trajectory along_x(const std::vector<double>& xs) {
 TEST(GroundTruth, DistancesByHand) {
   const Eigen::Vector3d a(1, 2, 3), b(4, 14, 7);  // differences 3, 12, 4
   EXPECT_DOUBLE_EQ(distance_between(a, b, Distance::kXz), 5);
+  EXPECT_DOUBLE_EQ(distance_between(a, b, Distance::kXy), std::hypot(3, 12));
   EXPECT_DOUBLE_EQ(distance_between(a, b, Distance::k3d), 13);
   EXPECT_DOUBLE_EQ(distance_between(a, b, Distance::kBox), 12);
 }
@@ -62,7 +63,7 @@ TEST(GroundTruth, ParsesExclusions) {
        {"", "frames", "frames=", "frames=-1", "frames=1.5", "frames=x", "miles=50", "50",
         "meters=nan", "meters=inf", "frames=50 ", "none=1", "seconds=1e400"})
     EXPECT_THROW(parse_exclusion(text), UsageError) << text;
-  EXPECT_THROW(parse_distance("xy"), UsageError);
+  EXPECT_THROW(parse_distance("yz"), UsageError);
 }
 
 TEST(GroundTruth, AnExclusionWithoutItsAmountIsNoMisspelling) {

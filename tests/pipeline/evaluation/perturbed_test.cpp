@@ -31,7 +31,7 @@ class PerturbedScans : public testing::Test {
     const float heights[] = {1, 1.1F, 2, 2.2F, 3, 4};
     for (int i = 0; i < 6; ++i) {
       add_scan(drive_, "drive", i, heights[i], i == 5 ? 50.0F : 10.0F);
-      drive_.scans.back().pose = Pose(Eigen::Translation3d(0, 0, along[i]));
+      drive_.scans.back().pose = Pose(Eigen::Translation3d(0, along[i], 0));
     }
     add_scan(elsewhere_, "elsewhere", 0, 1.5F, 10);
     options_.cache = dir_ / "cache";

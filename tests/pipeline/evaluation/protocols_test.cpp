@@ -89,8 +89,9 @@ TEST(Protocols, KittisFramesAreForKittisDrives) {
 }
 
 TEST(Protocols, OnlineGrowsAndSkipsScansWithoutCandidates) {
-  const Task task =
-      make_tasks("online", "", at_frames({0, 10, 51, 60, 62}), parse_exclusion("frames=50")).at(0);
+  Trajectory trajectory = at_frames({0, 10, 51, 60, 62});
+  trajectory.horizontal = Distance::kXz;
+  const Task task = make_tasks("online", "", trajectory, parse_exclusion("frames=50")).at(0);
   ASSERT_EQ(task.queries.size(), 3u);
   EXPECT_EQ(task.queries[0].scan, 2);  // 51 frames after 0
   EXPECT_EQ(task.queries[0].n_candidates(), 1);
