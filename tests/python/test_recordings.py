@@ -352,6 +352,13 @@ class Bags(Folders):
         self.assertEqual([len(points) for points, _ in merged(0.06, self.clouds)], [200, 400, 400, 600])
         with self.assertRaisesRegex(revisit.InputError, 'no scan of /b is within 0.1 s of one of /a; .* Synchronize the clocks'):
             merged(0.7, self.clouds)
+        after = np.linspace(0, 0.09, 200)
+        path = write_bag(self.folder, 'mcap', {name: [placed(packed(cloud, step=24), name, late) for cloud in self.clouds]
+                                               for name, late in (('/a', 0), ('/b', 0.02))}, times=lambda frame: START + frame / 10 + after)
+        merged_bag = open_recording(path, topics='/a,/b', extrinsics=self.put('poses', 'a 0 0 0 0 0 0 1\nb 0 0 0 0 0 0 1\n'))
+        for scan in merged_bag.scans():  # both have clock times, so those of /b are before its stamps
+            np.testing.assert_allclose(scan.read()[1], [*after, *after], atol=1e-6)
+        self.assertRegex(merged_bag.point_times, '^/a: .*; /b: ')
         for options in ({'topics': '/a', 'sequence': '/a'}, {'extrinsics': 'x'}):
             with self.assertRaises(revisit.UsageError):
                 open_recording(self.folder, **options)
