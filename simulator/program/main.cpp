@@ -116,9 +116,10 @@ void SimulateOptions::declare(Options& options) {
       .option("every", "N", "frame stride (default 1)", &drive.every)
       .group("Sensor:")
       .choice("sensor",
-              {"hdl64", "hdl32", "vlp16", "ouster-os0-32", "ouster-os1-64", "livox-mid360",
-               "front120", "livox-avia"},
-              "sensor: hdl64, hdl32, vlp16, ouster-os0-32, ouster-os1-64, livox-mid360, front120 "
+              {"hdl64", "hdl32", "vlp16", "pandar-xt32", "ouster-os0-32", "ouster-os1-64",
+               "livox-mid360", "front120", "livox-avia"},
+              "sensor: hdl64, hdl32, vlp16, pandar-xt32, ouster-os0-32, ouster-os1-64, "
+              "livox-mid360, front120 "
               "or livox-avia (default hdl64)",
               &drive.sensor)
       .option("sensor-height", "METERS", "height above the ground (default 1.73, or a robot's)",

@@ -38,12 +38,19 @@ Eigen::Vector2d on_rosette(double scans) {
           (std::sin(kFirst * scans) + std::sin(kSecond * scans)) / 2};
 }
 
-/// Azimuth and elevation of a mirror that turns and nods at an irrational ratio. `scans`: time.
-Eigen::Vector2d on_nodding(const Eigen::Vector2d& field, double scans) {
-  constexpr double kTurns = 41.318, kNods = 97.731;  // per scan
-  const double nod = std::abs(2 * (kNods * scans - std::floor(kNods * scans)) - 1);
-  return {2 * std::numbers::pi * (kTurns * scans - std::floor(kTurns * scans)),
-          field.x() + (field.y() - field.x()) * nod};
+/// Azimuth and elevation of one of the Mid-360's four lines: they turn together and nod once in
+/// about a scan, and each circle is tilted against the next. Rates as in the pattern that Livox
+/// publishes for simulators; they are incommensurate, so no scan repeats another.
+Eigen::Vector2d on_nodding(const Eigen::Vector2d& field, double scans, size_t line) {
+  constexpr double kTurns = 17.361, kNods = 1.00317;  // per scan
+  constexpr double kTilt = 2 * kDegree;
+  const auto phase = [&](double per_scan) {
+    return per_scan * scans - std::floor(per_scan * scans);
+  };
+  const double azimuth = -2 * std::numbers::pi * phase(kTurns);
+  const double nod = std::abs(2 * phase(kNods) - 1), widest = 1.5 * kTilt;
+  return {azimuth, field.x() + widest + (field.y() - field.x() - 2 * widest) * nod +
+                       (static_cast<double>(line) - 1.5) * kTilt * std::cos(azimuth)};
 }
 
 float roughness(Material material) {
@@ -87,6 +94,7 @@ BeamPattern beam_pattern(const std::string& sensor) {
   };
   if (sensor == "vlp16") return beams(16, 15, -15, 1800, 100, 0.5);
   if (sensor == "hdl32") return beams(32, 10.67, -30.67, 2172, 100);
+  if (sensor == "pandar-xt32") return beams(32, 15, -16, 2000, 120, 0.3);
   if (sensor == "ouster-os0-32") return beams(32, 45, -45, 1024, 50, 0.3);
   if (sensor == "ouster-os1-64") return beams(64, 22.5, -22.5, 2048, 120, 0.5);
   if (sensor == "front120") {
@@ -103,8 +111,8 @@ BeamPattern beam_pattern(const std::string& sensor) {
   }
   if (sensor != "hdl64")
     throw UsageError(
-        "sensor: expected hdl64, hdl32, vlp16, ouster-os0-32, ouster-os1-64, livox-mid360, "
-        "front120 or livox-avia, found '",
+        "sensor: expected hdl64, hdl32, vlp16, pandar-xt32, ouster-os0-32, ouster-os1-64, "
+        "livox-mid360, front120 or livox-avia, found '",
         sensor, "'");
   // Two blocks of 32 lasers: 1/3 deg apart from +2 deg, then about 1/2 deg apart to -24.8 deg.
   for (int i = 0; i < 32; ++i) pattern.elevation.push_back((2 - i / 3.0) * kDegree);
@@ -156,7 +164,7 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
       if (pattern_.rosette || pattern_.nodding) {
         const double scans = start + static_cast<double>(k) / pattern_.azimuths;
         const Eigen::Vector2d at = pattern_.nodding
-                                       ? on_nodding(*pattern_.nodding, scans)
+                                       ? on_nodding(*pattern_.nodding, scans, k % 4)
                                        : on_rosette(scans).cwiseProduct(*pattern_.rosette);
         azimuth = at.x();
         z = std::sin(at.y());

@@ -208,6 +208,29 @@ TEST(Lidar, SensorsSeeTheirField) {
   }
 }
 
+TEST(Lidar, Mid360SweepsItsFieldInEveryScanAndRepeatsNone) {
+  const Scene scene = room({-9, -9, -9}, {9, 9, 9}, 1);
+  const auto seen = [&](int frame) {
+    const PointCloud cloud = scanned(scene, "livox-mid360", {0, 0}, frame);
+    EXPECT_GT(cloud.points.size(), 19000);
+    std::set<int> rows, fine;
+    for (const Point& p : cloud.points) {
+      const double elevation = std::atan2(double{p.z}, std::hypot(p.x, p.y)) / kDegree;
+      EXPECT_GT(elevation, -7.1);
+      EXPECT_LT(elevation, 52.1);
+      const double azimuth = std::atan2(double{p.y}, double{p.x}) / kDegree + 180;
+      rows.insert(static_cast<int>((elevation + 8) / 2));
+      fine.insert(static_cast<int>((elevation + 8) * 5) * 1800 + static_cast<int>(azimuth * 5));
+    }
+    EXPECT_GE(rows.size(), 29U) << "from -7 to 52 degrees";
+    return fine;
+  };
+  const std::set<int> one = seen(1), other = seen(2);
+  int again = 0;
+  for (const int pixel : one) again += static_cast<int>(other.count(pixel));
+  EXPECT_LT(again, static_cast<int>(one.size()) / 3) << "in the same pixels of 0.2 degrees";
+}
+
 /// Top-down.
 double plan_distance(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
   const auto side = [](const Vec2& o, const Vec2& u, const Vec2& v) {

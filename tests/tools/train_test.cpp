@@ -133,13 +133,23 @@ TEST_F(Learn, MistakesAreSaid) {
   expect_in(
       run("train " + path("scans") + " -o x.ring --model " + path("net/ring16_random.prototxt"), 2),
       "training from loops or odometry needs poses");
-  expect_in(run("eval " + path("town") + " --feature ring --sensor hdl32", 2),
-            "no ring model for the sensor 'hdl32'; there are models for hdl64, vlp16");
   expect_in(run("eval " + path("town") + " --feature data --ring x", 2), "--feature ring");
   write_file(path("no.ring"), "no model");
   expect_in(run("eval " + path("town") + " --feature ring --ring " + path("no.ring"), 3),
             "not a usable ring model");
   EXPECT_FALSE(fs::exists(path("x.ring")));
+}
+
+/// One without a model gets the nearest one.
+TEST_F(Learn, ASensorHasItsModelOrTheNearest) {
+  run("simulate -o " + path("walk") + " --sensor livox-mid360 --surroundings suburb --route " +
+      "opposite --length 300 --every 6 --sensor-height 1 --sensor-pitch 3 -q");
+  const std::string walk = run("eval " + path("walk") + " --exclusion meters=50 --format json");
+  expect_in(walk, "sensor: livox-mid360 (no separate beams, -7 to ");
+  EXPECT_GT(std::stod(walk.substr(walk.find("\"recall_at_1\": ") + 15)), 0.95);
+  run("simulate -o " + path("hdl32") + " --sensor hdl32 --length 300 --every 90 -q");
+  expect_in(run("loops " + path("hdl32") + " --sensor hdl32"),
+            "like hdl32; no model for this sensor, the nearest covers");
 }
 
 TEST_F(Learn, AModelOfAnotherSensorIsSaid) {

@@ -140,7 +140,7 @@ TEST(OwnNets, AlexNetAsInThePaperOfKrizhevsky) {
 }
 
 TEST(OwnNets, AreFoundByName) {
-  EXPECT_EQ(models::own_net_names().size(), 6U);
+  EXPECT_EQ(models::own_net_names().size(), 7U);
   EXPECT_EQ(models::own_net("alexnt"), nullptr);
   for (const char* ring : {"ring16", "ring64"})
     EXPECT_EQ(own_net(ring).layer(0).input_param().shape(0).dim(3), 1280) << ring;

@@ -34,7 +34,7 @@ TEST(Sensors, AreValidAndOfOneSize) {
             (std::vector<std::string>{"hdl64", "hdl32", "vlp16", "ouster-os0-32", "ouster-os0-64",
                                       "ouster-os0-128", "ouster-os1-64", "ouster-os1-64-gen1",
                                       "ouster-os1-128", "ouster-os2-64", "ouster-os2-128",
-                                      "pandar64", "livox-mid360"}));
+                                      "pandar64", "pandar-xt32", "livox-mid360"}));
   for (const Sensor& sensor : sensors()) {
     const ImageGeometry g = sensor_geometry(sensor.name);
     EXPECT_NO_THROW(check_geometry(g)) << sensor.name;

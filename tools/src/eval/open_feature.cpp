@@ -246,11 +246,18 @@ std::vector<PointCloud> mounted_scans(const FeatureOptions& options, const Datas
 std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset, const fs::path& map) {
   const bool sees_image = options.feature == "cnn" || options.feature == "data" ||
                           (options.feature == "ring" && options.ring.empty());
-  if (!sees_image || !options.image.is_auto()) return "";
+  const auto has = [&](const std::vector<std::string>& names) {
+    return std::ranges::find(names, options.image.sensor) != names.end();
+  };
+  const bool nearest =
+      options.feature == "ring" && has(sensor_names()) && !has(shipped_ring_models());
+  if (!sees_image || !(options.image.is_auto() || nearest)) return "";
   const std::vector<PointCloud> scans = mounted_scans(options, dataset);
   if (scans.empty()) return "";
   if (options.feature != "ring") return options.image.resolve(scans);
-  const auto [sensor, reason] = choose_ring_model(scans, feature_key_of(map));
+  const auto [sensor, reason] =
+      choose_ring_model(scans, feature_key_of(map),
+                        options.weights.empty() ? "" : models::file_sha1(options.weights));
   options.image.sensor = sensor;
   return str(sensor, " (", reason, ")");
 }

@@ -39,6 +39,7 @@ const std::vector<Sensor>& sensors() {
       sensor("ouster-os2-64", "Ouster OS2-64", 64, 11.25, -11.25, 11.5, -11.5, 5, 3),
       sensor("ouster-os2-128", "Ouster OS2-128", 128, 11.25, -11.25, 11.5, -11.5, 5, 3),
       sensor("pandar64", "Hesai Pandar64", 64, 15, -25, 15.5, -25.5, 5, 5),
+      sensor("pandar-xt32", "Hesai PandarXT-32", 32, 15, -16, 15.5, -16.5, 5, 5),
       sensor("livox-mid360", "Livox Mid-360", 0, 52, -7, 52.5, -7.5, 15, 5),
   };
   return all;

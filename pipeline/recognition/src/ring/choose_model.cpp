@@ -13,9 +13,10 @@
 // embedded_models.cpp
 extern "C" const char revisit_ring_hdl64[], revisit_ring_hdl64_end[], revisit_ring_vlp16[],
     revisit_ring_vlp16_end[], revisit_ring_ouster_os1_64[], revisit_ring_ouster_os1_64_end[],
-    revisit_ring_hdl64_squeezenet[], revisit_ring_hdl64_squeezenet_end[],
-    revisit_ring_vlp16_squeezenet[], revisit_ring_vlp16_squeezenet_end[],
-    revisit_ring_ouster_os1_64_squeezenet[], revisit_ring_ouster_os1_64_squeezenet_end[];
+    revisit_ring_livox_mid360[], revisit_ring_livox_mid360_end[], revisit_ring_hdl64_squeezenet[],
+    revisit_ring_hdl64_squeezenet_end[], revisit_ring_vlp16_squeezenet[],
+    revisit_ring_vlp16_squeezenet_end[], revisit_ring_ouster_os1_64_squeezenet[],
+    revisit_ring_ouster_os1_64_squeezenet_end[];
 
 namespace revisit {
 namespace {
@@ -29,19 +30,24 @@ const Shipped kShipped[] = {
     {"hdl64", "", revisit_ring_hdl64, revisit_ring_hdl64_end},
     {"vlp16", "", revisit_ring_vlp16, revisit_ring_vlp16_end},
     {"ouster-os1-64", "", revisit_ring_ouster_os1_64, revisit_ring_ouster_os1_64_end},
+    {"livox-mid360", "", revisit_ring_livox_mid360, revisit_ring_livox_mid360_end},
     {"hdl64", kSqueezeNet, revisit_ring_hdl64_squeezenet, revisit_ring_hdl64_squeezenet_end},
     {"vlp16", kSqueezeNet, revisit_ring_vlp16_squeezenet, revisit_ring_vlp16_squeezenet_end},
     {"ouster-os1-64", kSqueezeNet, revisit_ring_ouster_os1_64_squeezenet,
      revisit_ring_ouster_os1_64_squeezenet_end},
 };
 
+std::vector<std::string> models_with(const std::string& weights_sha1) {
+  std::vector<std::string> names;
+  for (const Shipped& model : kShipped)
+    if (model.weights_sha1 == weights_sha1) names.emplace_back(model.sensor);
+  return names;
+}
+
 }  // namespace
 
 std::vector<std::string> shipped_ring_models() {
-  std::vector<std::string> names;
-  for (const Shipped& model : kShipped)
-    if (*model.weights_sha1 == '\0') names.emplace_back(model.sensor);
-  return names;
+  return models_with("");
 }
 
 std::string shipped_ring_sensor(const std::string& key) {
@@ -59,10 +65,11 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
     throw UsageError("no ring model for the sensor '", sensor, "'",
                      weights_sha1.empty() ? "" : " and these weights", "; there are models for ",
                      joined(shipped_ring_models(), ", "),
-                     weights_sha1.empty() ? ""
-                                          : str(", and with the weights of SqueezeNet v1.0 (SHA-1 ",
-                                                kSqueezeNet, ")"),
-                     "; train one");
+                     weights_sha1.empty()
+                         ? ""
+                         : str(", and with the weights of SqueezeNet v1.0 (SHA-1 ", kSqueezeNet,
+                               ") for ", joined(models_with(kSqueezeNet), ", ")),
+                     "; leave the sensor out to get the nearest model, or train one");
   return parse_ring_model({found->begin, static_cast<size_t>(found->end - found->begin)},
                           "the ring model of " + sensor);
 }
@@ -98,7 +105,15 @@ Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size
   return fit;
 }
 
-std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans) {
+/// A model without beams is for scans without beams that show no more below, but for a tilt.
+bool is_candidate(const std::string& sensor, const SensorFound& found) {
+  constexpr double kTilt = 8;  // [deg]
+  const auto known = std::ranges::find(sensors(), sensor, &Sensor::name);
+  return known->beams > 0 || (found.elevations.empty() && found.bottom > known->bottom - kTilt);
+}
+
+std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans,
+                                            const std::string& weights_sha1) {
   constexpr double kEnough = 0.88;
   if (std::ranges::all_of(scans, [](const PointCloud& scan) { return scan.points.empty(); }))
     throw UsageError("choosing a ring model: expected scans with points, found none");
@@ -107,10 +122,12 @@ std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans
   const std::string seen =
       str(beams > 0 ? str(beams, " beams") : "no separate beams", ", ", std::lround(found.bottom),
           " to ", std::lround(found.top), " degrees");
-  const std::vector<std::string> models = shipped_ring_models();
+  std::vector<std::string> models = models_with(weights_sha1);
+  if (models.empty()) models = shipped_ring_models();  // shipped_ring_model() names the weights
   if (std::ranges::count(models, found.name) > 0) return {found.name, seen};
   std::vector<Fit> fits;
-  for (const std::string& sensor : models) fits.push_back(fit_of(sensor, scans, beams));
+  for (const std::string& sensor : models)
+    if (is_candidate(sensor, found)) fits.push_back(fit_of(sensor, scans, beams));
   const double most = std::ranges::max(fits, {}, &Fit::held).held;
   std::erase_if(fits, [&](const Fit& fit) { return fit.held < kEnough * most; });
   const Fit best = std::ranges::min(fits, {}, &Fit::difference);
@@ -122,8 +139,9 @@ std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans
 }  // namespace
 
 std::pair<std::string, std::string> choose_ring_model(const std::vector<PointCloud>& scans,
-                                                      const std::string& made_by) {
-  auto [sensor, reason] = nearest(scans);
+                                                      const std::string& made_by,
+                                                      const std::string& weights_sha1) {
+  auto [sensor, reason] = nearest(scans, weights_sha1);
   const std::string of_map = shipped_ring_sensor(made_by);
   if (of_map.empty() || of_map == sensor) return {std::move(sensor), std::move(reason)};
   return {of_map, str("of the map; the nearest to the scans is ", sensor, ": ", reason)};

@@ -9,6 +9,7 @@
 RING_MODEL(revisit_ring_hdl64, "hdl64.ring");
 RING_MODEL(revisit_ring_vlp16, "vlp16.ring");
 RING_MODEL(revisit_ring_ouster_os1_64, "ouster-os1-64.ring");
+RING_MODEL(revisit_ring_livox_mid360, "livox-mid360.ring");
 RING_MODEL(revisit_ring_hdl64_squeezenet, "hdl64-squeezenet.ring");
 RING_MODEL(revisit_ring_vlp16_squeezenet, "vlp16-squeezenet.ring");
 RING_MODEL(revisit_ring_ouster_os1_64_squeezenet, "ouster-os1-64-squeezenet.ring");

@@ -15,12 +15,13 @@ ImageGeometry ring_geometry(const std::string& sensor) {
   constexpr int kWidth = 1024, kMaxRows = 64;
   ImageGeometry image = sensor_geometry(sensor);
   const int beams = std::ranges::find(sensors(), sensor, &Sensor::name)->beams;
-  image.width = kWidth;
-  image.height = beams > 0 ? std::min(beams, kMaxRows) : kMaxRows;
+  // Rays without beams leave most of a larger image empty.
+  image.width = beams > 0 ? kWidth : kWidth / 2;
+  image.height = beams > 0 ? std::min(beams, kMaxRows) : kMaxRows / 2;
   // Closes holes of 5 columns and 3 rows. With few beams, gaps between rows are not holes.
-  image.closing_width = 5 * 360.0 / kWidth;
+  image.closing_width = 5 * 360.0 / image.width;
   const double row = (image.elevation_top - image.elevation_bottom) / image.height;
-  image.closing_height = (image.height < kMaxRows ? 1 : 3) * row;
+  image.closing_height = (beams > 0 && beams < kMaxRows ? 1 : 3) * row;
   return image;
 }
 
@@ -35,6 +36,8 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
                                const engine::PlanOptions& forward) {
+  // A higher field shows no ground nearby: the lowest points are only the edge of what it sees.
+  constexpr double kDown = -10;  // [deg]
   std::vector<std::string> layers;
   for (const RingLayer& layer : model.layers) layers.push_back(layer.name);
   const auto plan =
@@ -50,11 +53,12 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
   const auto reductions = std::make_shared<const std::vector<ColumnProjection>>(
       model.layers.begin(), model.layers.end());
   extractor.make = [plan, reductions, grid = model.grid, height = model.sensor_height,
+                    shows_ground = model.image.elevation_bottom < kDown,
                     parts = parts_of(model)]() -> FeatureFunction<PointCloud> {
     const auto runner = std::make_shared<CnnRingPlan::Runner>(*plan);
-    return [plan, runner, reductions, grid, height, parts](const PointCloud& cloud,
-                                                           std::span<float> feature) {
-      const PointCloud leveled = level(cloud, height);
+    return [plan, runner, reductions, grid, height, shows_ground, parts](const PointCloud& cloud,
+                                                                         std::span<float> feature) {
+      const PointCloud leveled = shows_ground ? level(cloud, height) : cloud;
       runner->forward(leveled);
       const auto& [cnn, polar] = parts;
       float* ring = feature.data();

@@ -56,8 +56,9 @@ struct SimulationConfig {
   /// "front120": forward, 120 deg, 64 beams, +12.5 to -12.5 deg, 0.4 deg in azimuth, 150 m.
   /// "hdl32": 32 beams, +10.67 to -30.67 deg, 0.166 deg in azimuth, 100 m.
   /// "ouster-os0-32": 32 beams, +45 to -45 deg, 0.35 deg in azimuth, 50 m.
-  /// "livox-mid360": 360 deg, +52 to -7 deg, 20000 points, non-repetitive, 70 m.
-  /// "livox-avia": forward, 70.4 x 77.2 deg, 24000 points, non-repetitive rosette, 190 m.
+  /// "pandar-xt32": 32 beams, +15 to -16 deg, 0.18 deg in azimuth, 120 m.
+  /// "livox-mid360": 360 deg, +52 to -7 deg, 20000 points on four nodding lines, none repeated, 70
+  /// m. "livox-avia": forward, 70.4 x 77.2 deg, 24000 points, non-repetitive rosette, 190 m.
   std::string sensor = "hdl64";
   /// Above the road or floor, 0.5 to 5 [m]. Absent: kSensorHeight, 0.7 of a robot, 1 if carried.
   std::optional<double> sensor_height;

@@ -111,10 +111,12 @@ std::string shipped_ring_sensor(const std::string& key);
 /// - the nearest model. Candidates hold at least 88 % of the non-ground points that the best one
 ///   holds. Among them it has the smallest difference in upper edge and number of beams (if beams
 ///   can be separated).
-/// Tilt and mounting height do not matter, because scans are gravity-aligned. Returns the sensor,
-/// one of shipped_ring_models(), and a human-readable reason. Throws UsageError without points.
+/// Tilt and mounting height do not matter, because scans are gravity-aligned. Only models with
+/// `weights_sha1` are candidates, as in shipped_ring_model(). Returns the sensor and a
+/// human-readable reason. Throws UsageError without points.
 std::pair<std::string, std::string> choose_ring_model(const std::vector<PointCloud>& scans,
-                                                      const std::string& made_by = "");
+                                                      const std::string& made_by = "",
+                                                      const std::string& weights_sha1 = "");
 
 /// Layers of the net, and the dimensions that are kept of their columns.
 using LayerDimensions = std::vector<std::pair<std::string, int>>;
