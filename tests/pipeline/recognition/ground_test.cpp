@@ -1,5 +1,4 @@
-#include "align/ground.h"
-
+#include "align/facets.h"
 #include "testing.h"
 
 namespace revisit {
@@ -53,6 +52,71 @@ TEST(Ground, TakesPointsThatRoundToItsBorder) {
   const auto ground = find_ground(cloud);
   ASSERT_TRUE(ground);
   EXPECT_NEAR(ground->sensor_height, 1.73, 1e-3);
+}
+
+/// Scan of 16 beams in a corridor of 2 x 24 x 2.8 m, 1 m above the floor.
+PointCloud corridor(const Eigen::Matrix3d& R_level_sensor, double noise = 0.01) {
+  const Eigen::Vector3d low(-7, -0.8, -1), high(17, 1.2, 1.8);
+  std::mt19937 random(1);
+  std::normal_distribution<double> error(0, noise);
+  PointCloud cloud;
+  for (int beam = 0; beam < 16; ++beam)
+    for (int column = 0; column < 900; ++column) {
+      const double elevation = (2 * beam - 15) * std::numbers::pi / 180;
+      const double azimuth = column * std::numbers::pi / 450;
+      const Eigen::Vector3d ray(std::cos(elevation) * std::cos(azimuth),
+                                std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
+      const Eigen::Vector3d d = R_level_sensor * ray;
+      const double range =
+          (d.array() > 0).select(high.array() / d.array(), low.array() / d.array()).minCoeff();
+      const Eigen::Vector3f p = ((range + error(random)) * ray).cast<float>();
+      cloud.points.push_back({p.x(), p.y(), p.z(), 0});
+    }
+  return cloud;
+}
+
+TEST(Ground, IsUprightByWallsInBuildings) {
+  for (const double degrees : {0.0, 4.0, 10.0, 20.0, 27.0})
+    for (const double azimuth : {0.0, 0.7, 1.6, 3.9}) {
+      const Eigen::Matrix3d R =
+          Eigen::AngleAxisd(degrees * std::numbers::pi / 180,
+                            Eigen::Vector3d(std::cos(azimuth), std::sin(azimuth), 0))
+              .toRotationMatrix();
+      const PointCloud cloud = corridor(R);
+      const auto upright = find_upright(cloud, 1.73);
+      ASSERT_TRUE(upright) << degrees << " " << azimuth;
+      EXPECT_LT((upright->up - R.row(2).transpose()).norm(), 0.01) << degrees << " " << azimuth;
+      EXPECT_NEAR(upright->sensor_height, 1, 0.05) << degrees << " " << azimuth;
+      if (degrees == 0) continue;
+      double lowest = 0, highest = 0;  // floor and ceiling become horizontal
+      for (const Point& p : level(cloud, 1.73).points) {
+        lowest = std::min(lowest, double{p.z});
+        highest = std::max(highest, double{p.z});
+      }
+      EXPECT_NEAR(lowest, -1.73, 0.2) << degrees << " " << azimuth;
+      EXPECT_NEAR(highest, 1.07, 0.2) << degrees << " " << azimuth;
+    }
+}
+
+TEST(Ground, WallsMustAgreeAndAreIgnoredOnAWideGround) {
+  EXPECT_FALSE(find_upright({}, 1.73));
+  EXPECT_FALSE(find_upright(corridor(Eigen::Matrix3d::Identity(), 0.5), 1.73)) << "rough";
+  std::mt19937 random(1);
+  std::normal_distribution<float> side;
+  PointCloud rocks;  // patches of any direction
+  for (int i = 0; i < 400; ++i) {
+    const Eigen::Vector3f middle =
+        5 * Eigen::Vector3f(side(random), side(random), side(random)).normalized();
+    const Eigen::Vector3f u(side(random), side(random), side(random));
+    const Eigen::Vector3f v(side(random), side(random), side(random));
+    for (int j = 0; j < 30; ++j) {
+      const Eigen::Vector3f p = middle + 0.1F * (side(random) * u + side(random) * v);
+      rocks.points.push_back({p.x(), p.y(), p.z(), 0});
+    }
+  }
+  EXPECT_FALSE(find_upright(rocks, 1.73));
+  EXPECT_FALSE(find_ground(corridor(Eigen::Matrix3d::Identity())).value_or(Ground{}).is_wide);
+  EXPECT_TRUE(find_ground(plane(0.05, 0, 1.73, 0.3)).value_or(Ground{}).is_wide);
 }
 
 /// An aligned scan does not depend on tilt and mounting; its yaw is kept.

@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "align/facets.h"
+
 namespace revisit {
 namespace {
 
@@ -60,10 +62,32 @@ Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
   return plane;
 }
 
+/// Sum of squared distances from the middle in the horizontal direction where it is least [m^2].
+double least_spread(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
+  for (const Eigen::Vector3d& p : points) {
+    sum += p.head<2>();
+    squares += p.head<2>() * p.head<2>().transpose();
+  }
+  squares -= sum * sum.transpose() / static_cast<double>(points.size());
+  const double middle = squares.trace() / 2;
+  return middle - std::sqrt(std::max(0.0, middle * middle - squares.determinant()));
+}
+
+/// In buildings a wide ground is rarely seen: walls, floor and ceiling give the direction.
+std::optional<Ground> ground_or_walls(const PointCloud& cloud, double sensor_height) {
+  std::optional<Ground> ground = find_ground(cloud);
+  if (ground && ground->is_wide) return ground;
+  const std::optional<Ground> upright = find_upright(cloud, sensor_height);
+  return upright ? upright : ground;
+}
+
 }  // namespace
 
 std::optional<Ground> find_ground(const PointCloud& cloud) {
-  constexpr double kOnIt = 0.2;  // [m]
+  constexpr double kOnIt = 0.2;       // [m]
+  constexpr double kMinSpread = 250;  // [m^2]: roughness / sqrt(spread) is 0.3 degrees
   constexpr size_t kMinCells = 12;
   static const double kSteepest = std::tan(20 * std::numbers::pi / 180);
   std::vector<Eigen::Vector3d> low = low_points(cloud);
@@ -71,13 +95,14 @@ std::optional<Ground> find_ground(const PointCloud& cloud) {
   const auto middle = low.begin() + static_cast<std::ptrdiff_t>(low.size() / 2);
   std::ranges::nth_element(low, middle, {}, [](const Eigen::Vector3d& p) { return p.z(); });
   const Eigen::Vector3d plane = fit(low, middle->z());
-  const auto on_it = static_cast<size_t>(std::ranges::count_if(low, [&](const Eigen::Vector3d& p) {
-    return std::abs(p.z() - plane.dot(Eigen::Vector3d(p.x(), p.y(), 1))) < kOnIt;
-  }));
-  if (on_it < std::max(kMinCells, low.size() / 3) || std::hypot(plane.x(), plane.y()) > kSteepest)
+  const size_t cells = low.size();
+  std::erase_if(low, [&](const Eigen::Vector3d& p) {
+    return std::abs(p.z() - plane.dot(Eigen::Vector3d(p.x(), p.y(), 1))) >= kOnIt;
+  });
+  if (low.size() < std::max(kMinCells, cells / 3) || std::hypot(plane.x(), plane.y()) > kSteepest)
     return std::nullopt;
   const Eigen::Vector3d up = Eigen::Vector3d(-plane.x(), -plane.y(), 1).normalized();
-  return Ground{up, -plane.z() * up.z()};
+  return Ground{up, -plane.z() * up.z(), 2 * low.size() > cells && least_spread(low) > kMinSpread};
 }
 
 Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
@@ -95,7 +120,7 @@ PointCloud level(const PointCloud& cloud, double sensor_height) {
   // Smaller changes are scan-to-scan noise; correcting them would move beams between image rows.
   constexpr double kLevelHeight = 0.25;  // [m]
   static const double kLevelUp = std::cos(1.5 * std::numbers::pi / 180);
-  const std::optional<Ground> ground = find_ground(cloud);
+  const std::optional<Ground> ground = ground_or_walls(cloud, sensor_height);
   Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
   if (ground &&
       (ground->up.z() < kLevelUp || std::abs(ground->sensor_height - sensor_height) > kLevelHeight))

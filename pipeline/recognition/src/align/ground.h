@@ -11,6 +11,7 @@ struct Ground {
   Eigen::Vector3d up =
       Eigen::Vector3d::UnitZ();  // unit normal in the sensor frame, away from the ground
   double sensor_height = 0;      // above the plane [m]
+  bool is_wide = false;          // it has cells on all sides, which fix its slope to 0.3 degrees
 };
 
 /// Fits a plane to the lowest points within 10 m by reweighted least squares: the 5 % height
@@ -22,8 +23,9 @@ std::optional<Ground> find_ground(const PointCloud& cloud);
 /// the smallest rotation, then a translation along z.
 Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height);
 
-/// Returns the gravity-aligned returns of a scan: the ground plane becomes horizontal. They are
-/// unchanged if no ground is found, or if it is within 1.5 degrees and 0.25 m of its nominal pose.
+/// Returns the gravity-aligned returns of a scan: a wide ground becomes horizontal, else walls and
+/// floors are upright (find_upright), else a narrow ground is taken. They are unchanged if none is
+/// found, or if it is within 1.5 degrees and 0.25 m of its nominal pose.
 PointCloud level(const PointCloud& cloud, double sensor_height);
 
 }  // namespace revisit
