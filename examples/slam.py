@@ -6,7 +6,8 @@
   slam.py town --simulate 600 -o out                       # simulates a drive first
 
 Writes out/trajectory.tum (T_world_lidar of every scan, z up) and out/trajectory.png. If the recording has poses, prints the
-trajectory error of odometry and of the corrected trajectory. Ctrl-C keeps results so far. Exit codes are those of `revisit`.
+trajectory error of odometry and of the corrected trajectory. If most loops contradict the odometry, it has diverged, and the exit code
+is 5. Ctrl-C keeps results so far. Exit codes are those of `revisit`.
 """
 
 import argparse
@@ -134,13 +135,14 @@ def main():
         program.run('simulate', '-o', o.data, '--length', o.simulate, '--every', 2, '--route', 'both')
     recording = recordings.open_recording(o.data, sequence=o.sequence)
     odometry, loops, node_of, node_of_frame = Odometry(o.max_range, not o.no_deskew), [], {}, {}
-    ended, start = None, time.perf_counter()
+    ended, excluded, start = None, 0, time.perf_counter()
     moving = odometry.keyframes(with_progress(recording), o.keyframe)
     detector = LoopDetector(open_map(None, o.sensor, local_map=o.local_map), exclusion='meters=40')
     try:
         for visit in recognize(moving, detector):
             found, node = visit.found, len(odometry.chosen) - 1
             node_of[found.index] = node_of_frame[visit.scan.frame] = node
+            excluded += found.rejection == 'odometry'
             if found.accepted:
                 loops.append((node_of[found.loop.index], node, found.registered))
             if found.questioned:
@@ -172,11 +174,16 @@ def main():
          f'{o.data}, top-down: {len(loops)} loops, {fit} with a residual below 1 m\nabsolute trajectory error: {error}')
     if ended:
         raise type(ended)(f'{str(ended) or "interrupted"}; {o.output} has the trajectory so far')
+    if excluded + len(loops) - fit > max(fit, 5):
+        print(f'slam: the odometry has diverged: {fit} loops agree with it, {len(loops) - fit} have a larger residual, and {excluded} more '
+              'were rejected because it excludes them', file=sys.stderr)
+        return 5
+    return 0
 
 
 if __name__ == '__main__':
     try:
-        main()
+        sys.exit(main())
     except (errors.Error, geometry.GeometryException, OSError, KeyboardInterrupt) as error:
         print(f'slam: {str(error) or "interrupted"}', file=sys.stderr)
         sys.exit(130 if isinstance(error, KeyboardInterrupt) else getattr(error, 'code', 1))

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -61,7 +62,11 @@ inline bool same(const MapEntry& a, const MapEntry& b) {
   return a.drive == b.drive && a.frame == b.frame && a.time == b.time &&
          a.pose.has_value() == b.pose.has_value() &&
          (!a.pose || a.pose->matrix() == b.pose->matrix()) && a.descriptor == b.descriptor &&
-         a.feature == b.feature;
+         a.feature == b.feature && a.questioned == b.questioned &&
+         std::ranges::equal(a.loops, b.loops, [](const MapLoop& one, const MapLoop& other) {
+           return one.place == other.place && one.information == other.information &&
+                  one.T_place_query.matrix() == other.T_place_query.matrix();
+         });
 }
 
 /// Descriptors are exact in float16, too, features in bfloat16.
@@ -79,6 +84,13 @@ inline MapEntry made_entry(const std::string& drive, int64_t frame) {
     entry.descriptor.push_back(static_cast<float>((frame * 37 + i) % 512 - 256) / 64);
   if (frame % 5 == 0)
     entry.feature = {-0.25F, std::ldexp(3.0F, static_cast<int>(frame % 60)), 0x1p100F};
+  if (frame % 6 == 0) {
+    Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Constant(1.0 / 3);
+    information(2, 5) = information(5, 2) = static_cast<double>(frame);
+    entry.loops.assign(
+        2, {frame - 5, entry.pose.value_or(Eigen::Isometry3d::Identity()), information});
+  }
+  if (frame % 9 == 0) entry.questioned = {frame - 8, frame - 5};
   if (frame % 7 == 0) entry.cloud = "points of " + std::to_string(frame);
   return entry;
 }

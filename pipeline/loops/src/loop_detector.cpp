@@ -1,5 +1,6 @@
 #include "revisit/loops/loop_detector.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "acceptance.h"
@@ -253,6 +254,14 @@ void LoopDetector::Impl::store(const Description& scan, const SeenScan& seen,
                    .pose = stamp.pose,
                    .feature = scan.feature,
                    .cloud = options.keep_clouds ? compact_cloud(seen.cloud(), mount, scale) : ""};
+    if (found.accepted && found.registered)
+      entry.loops = {{.place = found.loop->id,
+                      .T_place_query = found.registered->T_place_query,
+                      .information = found.registered->information}};
+    if (!found.questioned.empty())
+      for (const auto& [frame, index] : map.entries_of(options.drive))
+        if (std::ranges::find(found.questioned, frame) != found.questioned.end())
+          entry.questioned.push_back(map.entry(index).id);
     found.index = map.add({std::move(entry)}, scan.made_by).front();
     for (RecentEntries& one : recent) one.add(*found.index);
   }

@@ -113,6 +113,8 @@ void KnownEntries::take_in(MapEntry entry) {
   std::vector<float>().swap(entry.descriptor);
   std::vector<float>().swap(entry.feature);
   std::string().swap(entry.cloud);
+  std::vector<MapLoop>().swap(entry.loops);
+  std::vector<int64_t>().swap(entry.questioned);
   entries_.push_back(std::move(entry));
 }
 

@@ -118,6 +118,52 @@ std::optional<std::vector<float>> feature_from(std::string_view bytes,
   return feature;
 }
 
+/// A loop is 34 values of 8 bytes: id of the place, 3 x 4 of the pose, and the upper triangle of
+/// the information by rows.
+constexpr size_t kLoopBytes = 34 * sizeof(double);
+
+std::string loops_bytes(const MapEntry& entry, const std::string& of) {
+  if (entry.loops.empty() && entry.questioned.empty()) return "";
+  const int64_t count = std::ssize(entry.loops);
+  std::string bytes = bytes_of_numbers(&count, 1);
+  for (const MapLoop& loop : entry.loops) {
+    const PoseNumbers pose = loop.T_place_query.matrix().topRows<3>();
+    std::vector<double> numbers(pose.data(), pose.data() + pose.size());
+    for (int row = 0; row < 6; ++row)
+      for (int column = row; column < 6; ++column) numbers.push_back(loop.information(row, column));
+    if (!std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); }))
+      throw UsageError(of, " have numbers that are not finite");
+    bytes += bytes_of_numbers(&loop.place, 1) + bytes_of_numbers(numbers.data(), numbers.size());
+  }
+  return bytes + bytes_of_numbers(entry.questioned.data(), entry.questioned.size());
+}
+
+/// Reads loops_bytes(); false for other bytes.
+bool read_loops(std::string_view bytes, MapEntry& entry) {
+  if (bytes.empty()) return true;
+  const auto number = [&bytes] {
+    const auto value = numbers_of<int64_t>(bytes.substr(0, sizeof(int64_t))).front();
+    bytes.remove_prefix(sizeof(int64_t));
+    return value;
+  };
+  if (bytes.size() % sizeof(int64_t) != 0) return false;
+  const int64_t count = number();
+  if (count < 0 || static_cast<size_t>(count) > bytes.size() / kLoopBytes) return false;
+  for (int64_t i = 0; i < count; ++i) {
+    MapLoop& loop = entry.loops.emplace_back(MapLoop{.place = number()});
+    const auto numbers = numbers_of<double>(bytes.substr(0, kLoopBytes - sizeof(int64_t)));
+    bytes.remove_prefix(kLoopBytes - sizeof(int64_t));
+    loop.T_place_query.matrix().topRows<3>() = Eigen::Map<const PoseNumbers>(numbers.data());
+    auto next = numbers.begin() + 12;
+    for (int row = 0; row < 6; ++row)
+      for (int column = row; column < 6; ++column)
+        loop.information(row, column) = loop.information(column, row) = *next++;
+    if (!loop.T_place_query.matrix().allFinite() || !loop.information.allFinite()) return false;
+  }
+  entry.questioned = numbers_of<int64_t>(bytes);
+  return true;
+}
+
 }  // namespace
 
 void round_feature(std::span<float> feature) {
@@ -230,7 +276,9 @@ EntryBytes encoded(const MapEntry& entry, DescriptorType format, size_t number) 
   }
   bytes.descriptor = descriptor_bytes(entry.descriptor, format, of + ": its descriptor");
   bytes.feature = feature_bytes(entry.feature, of + ": its feature");
-  const size_t size = bytes.descriptor.size() + bytes.feature.size() + entry.drive.size();
+  bytes.loops = loops_bytes(entry, of + ": its loops");
+  const size_t size =
+      bytes.descriptor.size() + bytes.feature.size() + bytes.loops.size() + entry.drive.size();
   if (size > kMaxBytes - 1000)
     throw UsageError(of, " has ", size, " bytes, more than the limit of 256 MB");
   return bytes;
@@ -248,7 +296,8 @@ std::vector<SqlValue> entry_columns(int64_t id, const MapEntry& entry, const Ent
           null_if_empty(bytes.pose),
           Blob{bytes.descriptor},
           null_if_empty(bytes.feature),
-          revision};
+          revision,
+          null_if_empty(bytes.loops)};
 }
 
 std::string read_entry(const SqlRow& row, const MapHeader& header, MapEntry& entry) try {
@@ -268,6 +317,7 @@ std::string read_entry(const SqlRow& row, const MapHeader& header, MapEntry& ent
            .drive = std::string(drive),
            .frame = row.integer(2),
            .time = row.real(3)};
+  if (!read_loops(row.bytes(8), entry)) return "its loops are corrupt";
   if (!pose.empty()) {
     const std::vector<double> numbers = numbers_of<double>(pose);
     entry.pose = Eigen::Isometry3d::Identity();

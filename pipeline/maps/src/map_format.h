@@ -18,7 +18,7 @@
 namespace revisit {
 
 constexpr int kApplicationId = 0x52565354;  // "RVST"
-constexpr int kMapVersion = 2;
+constexpr int kMapVersion = 3;
 /// Maximum length of a text or blob, and almost that of a row [bytes].
 constexpr int kMaxBytes = 256 << 20;
 
@@ -85,10 +85,11 @@ struct EntryBytes {
   std::string pose;        // "", or 12 float64 [3][4]
   std::string descriptor;  // float32 or float16
   std::string feature;     // bfloat16, deflated
+  std::string loops;       // "", or n, n loops, and ids of questioned ones
 };
 /// `number`: index in the call, from 1. Throws UsageError for values that cannot be stored.
 EntryBytes encoded(const MapEntry& entry, DescriptorType format, size_t number);
-/// Columns id, drive, frame, time, pose, descriptor, feature, revision. Refers to the arguments.
+/// Columns id, drive, frame, time, pose, descriptor, feature, revision, loops. Refers to the arguments.
 std::vector<SqlValue> entry_columns(int64_t id, const MapEntry& entry, const EntryBytes& bytes,
                                     int64_t revision);
 /// Reads these columns and their checksum. Returns "", or the problem of the row.

@@ -74,7 +74,8 @@ int64_t for_each_entry(SqlDriver& driver, const MapHeader& header, int64_t& afte
   do {
     rows = 0;
     driver.execute(
-        "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum FROM entry "
+        "SELECT id, drive, frame, time, pose, descriptor, feature, revision, loops, checksum FROM "
+        "entry "
         "WHERE id > $1 AND id <= $2 ORDER BY id LIMIT $3",
         {after, last, kEntriesAtOnce}, [&](const SqlRow& row) {
           const int64_t id = row.integer(0);
@@ -166,7 +167,8 @@ std::vector<std::string> table_definitions(const SqlDialect& dialect) {
       "CREATE TABLE counts" + id + ", entries" + integer + ", \"values\"" + integer + checksum,
       "CREATE TABLE value" + id + ", name TEXT, bytes" + blob + checksum,
       "CREATE TABLE entry" + id + ", drive TEXT, frame" + integer + ", time" + real + ", pose" +
-          blob + ", descriptor" + blob + ", feature" + blob + ", revision" + integer + checksum,
+          blob + ", descriptor" + blob + ", feature" + blob + ", revision" + integer + ", loops" +
+          blob + checksum,
       "CREATE TABLE removed" + id + ", entry" + integer + checksum,
       "CREATE TABLE cloud" + id + ", bytes" + blob + checksum,
   };
@@ -199,7 +201,8 @@ void insert_entries(SqlDriver& driver, std::span<const std::vector<SqlValue>> ro
   constexpr size_t kRowsAtOnce = 50, kBytesAtOnce = 1 << 20;
   while (!rows.empty()) {
     std::string sql =
-        "INSERT INTO entry (id, drive, frame, time, pose, descriptor, feature, revision, checksum) "
+        "INSERT INTO entry (id, drive, frame, time, pose, descriptor, feature, revision, loops, "
+        "checksum) "
         "VALUES ";
     std::vector<SqlValue> values;
     size_t n = 0, bytes = 0;
@@ -439,7 +442,7 @@ bool MapStore::replace_descriptors(
       const EntryBytes bytes = encoded(entry, header.format, static_cast<size_t>(entry.id));
       write_row(*driver_,
                 "UPDATE entry SET drive = $2, frame = $3, time = $4, pose = $5, descriptor = $6, "
-                "feature = $7, revision = $8, checksum = $9 WHERE id = $1",
+                "feature = $7, revision = $8, loops = $9, checksum = $10 WHERE id = $1",
                 entry_columns(entry.id, entry, bytes, revision + 1));
     };
     for_each_entry(*driver_, header, after, last, replace, [](int64_t, const std::string&) {});

@@ -34,6 +34,21 @@ int64_t content_of(const MapEntry& entry, DescriptorType format) {
   return sum.value();
 }
 
+/// Refers loops to the ids of the merged map; `ids`: by the source's ids. Loops to entries that are
+/// not there are dropped.
+void renumber(MapEntry& entry, const std::map<int64_t, int64_t>& ids) {
+  std::erase_if(entry.loops, [&](MapLoop& loop) {
+    const auto place = ids.find(loop.place);
+    if (place != ids.end()) loop.place = place->second;
+    return place == ids.end();
+  });
+  std::erase_if(entry.questioned, [&](int64_t& id) {
+    const auto other = ids.find(id);
+    if (other != ids.end()) id = other->second;
+    return other == ids.end();
+  });
+}
+
 std::vector<Source> open_sources(std::span<const fs::path> maps) {
   if (maps.empty()) throw UsageError("merging maps: expected at least one, found none");
   std::vector<Source> sources;
@@ -168,14 +183,13 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
       merged->set_value(name, *value);
   }
   Recordings recordings;
-  std::set<int64_t> scans;
+  std::map<int64_t, int64_t> scans;  // content -> id in the merged map
+  int64_t last_id = 0;
   for (const Source& source : sources) {
     std::map<std::string, Recordings::Scans> drives;
-    std::set<int64_t> scans_here;
     const auto list = [&](MapEntry&& entry) {
       const int64_t content = content_of(entry, compared);
       drives[entry.drive].emplace(entry.frame, content);
-      scans_here.insert(content);
     };
     const int64_t last = source.map->read(0, list, report).last;
     const auto names = recordings.add(source, drives, report);
@@ -184,11 +198,17 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     // A second connection, for use during read()
     const auto clouds = open_map(source.file, MapAccess::kRead);
     int64_t known = 0;
+    std::map<int64_t, int64_t> scans_here, ids;
     source.map->read(
         0,
         [&](MapEntry&& entry) {
           if (entry.id > last) return;  // added meanwhile
-          if (scans.contains(content_of(entry, compared))) return void(++known);
+          const int64_t content = content_of(entry, compared);
+          const auto before = scans.find(content);
+          ids[entry.id] = before != scans.end() ? before->second : ++last_id;
+          if (before != scans.end()) return void(++known);
+          scans_here.emplace(content, last_id);
+          renumber(entry, ids);
           entry.drive = names.at(entry.drive);
           try {
             entry.cloud = clouds->cloud(entry.id);

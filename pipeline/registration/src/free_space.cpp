@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "prepared_scan.h"
@@ -163,24 +164,61 @@ double Contradiction::fraction(double prior) const {
          (static_cast<double>(confirmed + contradicted) + prior);
 }
 
+namespace {
+
+/// What a scan shows of a point in its frame: 1 if a surface confirms it, -1 if it floats in free
+/// space, 0 if neither.
+int shown_by(const FreeSpace::Parts& there, double scale, const Eigen::Vector3d& point) {
+  const double near = kNear * scale;
+  if (there.scan.parts().tree->any_within(point.cast<float>(), static_cast<float>(near * near)))
+    return 1;
+  const Direction direction(point);
+  return there.image.is_before_surface(direction, margin_of(scale, direction.range)) ? -1 : 0;
+}
+
+}  // namespace
+
 Contradiction contradiction(const FreeSpace& scan, const FreeSpace& other,
                             const Eigen::Isometry3d& T_other_scan) {
   const FreeSpace::Parts& there = other.parts();
   const double scale = std::max(scan.scale(), other.scale());
-  const auto limit = static_cast<float>(kNear * kNear * scale * scale);
   Contradiction found;
   if (!there.scan.parts().tree) return found;
   for (const Eigen::Vector3f& point : scan.parts().scan.parts().upright) {
-    const Eigen::Vector3d p = T_other_scan * point.cast<double>();
-    if (there.scan.parts().tree->any_within(p.cast<float>(), limit)) {
-      ++found.confirmed;
-      continue;
-    }
-    const Direction direction(p);
-    found.contradicted +=
-        there.image.is_before_surface(direction, margin_of(scale, direction.range)) ? 1 : 0;
+    const int shown = shown_by(there, scale, T_other_scan * point.cast<double>());
+    found.confirmed += shown > 0 ? 1 : 0;
+    found.contradicted += shown < 0 ? 1 : 0;
   }
   return found;
+}
+
+PointCloud standing_points(const PointCloud& cloud, const FreeSpace& scan,
+                           const std::vector<PlacedSpace>& others) {
+  constexpr double kReach = 0.8;  // from a moving thing's sides to its other points [m]
+  std::vector<Eigen::Vector3f> moving, standing;
+  for (const Eigen::Vector3f& point : scan.parts().scan.parts().upright) {
+    int sum = 0;
+    for (const auto& [other, T_other_scan] : others)
+      if (other.parts().scan.parts().tree)
+        sum += shown_by(other.parts(), std::max(scan.scale(), other.scale()),
+                        T_other_scan * point.cast<double>());
+    (sum < 0 ? moving : standing).push_back(point);
+  }
+  if (moving.empty()) return cloud;
+  const auto squared = [&](double meters) {
+    return static_cast<float>(meters * meters * scan.scale() * scan.scale());
+  };
+  const NearestNeighbors of_moving(moving, 1);
+  std::optional<NearestNeighbors> of_standing;
+  if (!standing.empty()) of_standing.emplace(standing, 1);
+  PointCloud kept;
+  for (const Point& p : cloud.points) {
+    const Eigen::Vector3f at(p.x, p.y, p.z);
+    if (!of_moving.any_within(at, squared(kReach)) ||
+        (of_standing && of_standing->any_within(at, squared(kNear))))
+      kept.points.push_back(p);
+  }
+  return kept;
 }
 
 double mutual_contradiction(const FreeSpace& query, const FreeSpace& place,

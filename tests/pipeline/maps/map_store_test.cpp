@@ -103,6 +103,12 @@ TEST_P(MapStoreTest, RejectsInvalidEntriesAndChangesByReaders) {
   rejected([](MapEntry& e) { e.feature = {INFINITY}; }, "its feature");
   rejected([](MapEntry& e) { e.time = NAN; }, "its time");
   rejected([](MapEntry& e) { e.pose->translation().x() = NAN; }, "its pose");
+  rejected(
+      [](MapEntry& e) {
+        e.loops = {{.place = 1}, {.place = 2}};
+        e.loops[1].information(0, 5) = NAN;
+      },
+      "its loops");
   rejected([](MapEntry& e) { e.drive = std::string("x\0y", 3); }, "'x' has a zero byte");
   const auto other = reader_of(at());
   for (const auto& change : std::vector<std::function<void()>>{
@@ -134,7 +140,7 @@ TEST_P(MapStoreTest, RejectsOtherFingerprintsAndVersions) {
   expect_entries(*writer_of(at()), 0);
   execute("town", is_server() ? "UPDATE map SET version = 4" : "PRAGMA user_version = 4");
   for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
-    expect_error<InputError>([&] { open_map(at("town"), access); }, {"map version 4 (expected 2)"});
+    expect_error<InputError>([&] { open_map(at("town"), access); }, {"map version 4 (expected 3)"});
 }
 
 /// Nothing of an untrusted map may be executed, or cause endless work.
@@ -255,6 +261,11 @@ TEST_P(MapStoreTest, RemovesEntriesAndNeverReusesTheirIds) {
   EXPECT_EQ(merge_maps(std::vector{at("town")}, at("merged"), kIgnore), 598);
   EXPECT_EQ(check_map(at("merged")), std::vector<std::string>());
   EXPECT_TRUE(reader_of(at("merged"))->removed().empty());
+  // 4 and 7 are removed, so ids after them are 2 lower.
+  const std::vector<MapEntry> merged = read_all(*reader_of(at("merged"))).entries;
+  EXPECT_TRUE(merged.at(9).loops.empty()) << "to entry 7";
+  EXPECT_EQ(merged.at(15).loops.at(1).place, 13 - 2);
+  EXPECT_EQ(merged.at(15).questioned, (std::vector<int64_t>{10 - 2, 13 - 2}));
   EXPECT_EQ(reader_of(at("merged"))->value(kProjectionValue), "p");
 }
 

@@ -48,6 +48,20 @@ TEST(FreeSpace, ASurfaceBeforeAWallIsContradicted) {
   EXPECT_EQ((Contradiction{10, 5}.fraction(10)), 0.4);
 }
 
+TEST(FreeSpace, ThingsThatMovedAreRemoved) {
+  PointCloud busy = wall(18, 6);
+  const size_t standing = busy.points.size();
+  add_wall(busy, 10, 1);
+  const FreeSpace scan = space_of(busy), empty = space_of(wall(18, 6));
+  const auto kept = [&](const std::vector<PlacedSpace>& others) {
+    return standing_points(busy, scan, others).points.size();
+  };
+  EXPECT_EQ(kept({}), busy.points.size());
+  EXPECT_EQ(kept({{empty, kSame}}), standing);
+  EXPECT_EQ(kept({{empty, kSame}, {scan, kSame}}), busy.points.size()) << "confirmed as often";
+  EXPECT_EQ(kept({{empty, kSame}, {scan, kSame}, {empty, kSame}}), standing);
+}
+
 TEST(FreeSpace, FewPointsSayNothing) {
   PointCloud few;
   few.points.push_back({1, 2, 3, 0});

@@ -79,6 +79,7 @@ Command calibrate_command();
 Command loops_command();
 Command map_command();
 Command map_build_command();
+Command map_export_command();
 Command eval_command();
 Command report_command();
 Command models_command();

@@ -385,11 +385,11 @@ Command remove() {
 
 Command map_command() {
   return {"map",
-          "maps: build, query, merge, info, remove",
+          "maps: build, query, merge, export, info, remove",
           "Maps of `revisit loops --map` and of `revisit map build`.\n",
           "",
           {},
-          {map_build_command(), query(), merge(), info(), remove()}};
+          {map_build_command(), query(), merge(), map_export_command(), info(), remove()}};
 }
 
 }  // namespace revisit::cli

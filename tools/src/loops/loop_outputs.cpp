@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/terminal.h"
+#include "pose_graph.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
@@ -95,12 +96,9 @@ PoseGraphWriter::PoseGraphWriter(const std::filesystem::path& file)
 void PoseGraphWriter::vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor,
                              const std::string& scan) {
   write_vertex(id, T_world_sensor.value_or(Eigen::Isometry3d::Identity()), scan);
-  // Assumed odometry noise, because none is given: 5 cm and 0.3 degrees between scans.
   if (last_ && T_world_sensor) {
-    Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
-    information.diagonal() << Eigen::Vector3d::Constant(1 / (0.05 * 0.05)),
-        Eigen::Vector3d::Constant(1 / (0.005 * 0.005));
-    edge(last_->first, id, last_->second.inverse() * *T_world_sensor, information);
+    const Eigen::Isometry3d step = last_->second.inverse() * *T_world_sensor;
+    edge(last_->first, id, step, odometry_information(step));
   }
   if (T_world_sensor)
     last_.emplace(id, *T_world_sensor);

@@ -19,6 +19,13 @@
 
 namespace revisit {
 
+/// An accepted loop from an entry to an earlier one, with its registration.
+struct MapLoop {
+  int64_t place = 0;  // id of the earlier entry
+  Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+};
+
 struct MapEntry {
   int64_t id = 0;  // 1, 2, ... in the order of insertion; assigned by the map
   std::string drive;
@@ -29,6 +36,8 @@ struct MapEntry {
   /// Source of the descriptor, which is empty during the warm-up; empty after it.
   std::vector<float> feature;
   std::string cloud;  // compact_cloud(); "": none. Read by MapStore::cloud()
+  std::vector<MapLoop> loops;
+  std::vector<int64_t> questioned;  // ids of earlier entries whose loops this one contradicts
 };
 
 /// Settings that define a map's descriptors, name -> value: {"feature", "ring"}, ...

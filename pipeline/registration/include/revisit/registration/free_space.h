@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "revisit/recognition/point_cloud.h"
 #include "revisit/registration/registration.h"
@@ -42,6 +44,14 @@ struct Contradiction {
 /// Counts the points of `scan` in the free space of `other`. The counts do not depend on the CPU.
 Contradiction contradiction(const FreeSpace& scan, const FreeSpace& other,
                             const Eigen::Isometry3d& T_other_scan);
+
+/// Another scan, and T_other_scan.
+using PlacedSpace = std::pair<FreeSpace, Eigen::Isometry3d>;
+
+/// Points of `cloud`, of which `scan` was made, without things that moved: upright points that
+/// float in the free space of more of the `others` than confirm them, and points near only those.
+PointCloud standing_points(const PointCloud& cloud, const FreeSpace& scan,
+                           const std::vector<PlacedSpace>& others);
 
 /// Sum over both directions, with the prior 10.
 double mutual_contradiction(const FreeSpace& query, const FreeSpace& place,
