@@ -6,7 +6,7 @@
   acceptance.py --kitti ../shared/data/kitti --only 'town11-0[56]-.*'             towns along KITTI's routes
   acceptance.py --only none DRIVE... [--no-deskew]                                drives of your own in KITTI's layout
 
-Possible: scans with an earlier keyframe within reach (5 m, in buildings 2 m) that is not excluded. Correct: accepted, possible, and the
+Possible: scans with an earlier keyframe within reach (5 m, in buildings 2 m) that is not excluded by default. Correct: accepted, possible, and the
 registered pose is good. Incorrect: that pose is off by more than 1 m (in buildings 0.5 m) or 5 degrees; more where the truth is less
 accurate. Two laps without poses have lists of pairs: incorrect is a match of a listed query that is neither listed nor fits the time
 between the laps. Poses of drives named -odometry drift. Unknown options go to `revisit loops`. `revisit` is $REVISIT.
@@ -48,12 +48,12 @@ def error_of(line, poses):
     return np.linalg.norm(wrong[:3, 3]), np.degrees(np.arccos(np.clip((np.trace(wrong[:3, :3]) - 1) / 2, -1, 1)))
 
 
-def judged(lines, poses, excluded, reach=5, limits=(1, 5), excluded_meters=0):
+def judged(lines, poses, reach=5, limits=(1, 5), excluded=30):
     """Counts of a drive with T_world_sensor of each frame, and the errors of its correct poses."""
     counts, errors, at, frames = Counter(), [], poses[:, :3, 3], np.array([line['frame'] for line in lines])
     driven = np.r_[0, np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))]
     for line in lines:
-        earlier = at[frames[(frames < line['frame'] - excluded) & (driven[frames] < driven[line['frame']] - excluded_meters)]]
+        earlier = at[frames[driven[frames] < driven[line['frame']] - excluded]]
         possible = len(earlier) > 0 and np.linalg.norm(earlier - at[line['frame']], axis=1).min() < reach
         counts['possible'] += possible
         if line.get('accepted'):
@@ -64,16 +64,16 @@ def judged(lines, poses, excluded, reach=5, limits=(1, 5), excluded_meters=0):
     return counts, errors
 
 
-def posed(folder, scans='bin', excluded=50, limits=(1, 5)):
-    lines, poses = lines_of(folder / scans, '--exclusion', f'frames={excluded}'), homogeneous(np.loadtxt(folder / 'poses_kitti.txt'))
+def posed(folder, scans='bin', limits=(1, 5)):
+    lines, poses = lines_of(folder / scans), homogeneous(np.loadtxt(folder / 'poses_kitti.txt'))
     if len(poses) == len(lines):  # of a part of a drive, whose frames do not begin at 0
         poses = np.concatenate([np.repeat(poses[:1], lines[0]['frame'], axis=0), poses])
-    return judged(lines, poses, excluded, limits=limits, excluded_meters=50)[0]
+    return judged(lines, poses, limits=limits, excluded=50)[0]
 
 
-def none_correct(scans, excluded, *words):
+def none_correct(scans, *words):
     """Counts of a drive without revisits."""
-    return Counter(incorrect=sum(line.get('accepted', False) for line in lines_of(scans, '--exclusion', f'frames={excluded}', *words)))
+    return Counter(incorrect=sum(line.get('accepted', False) for line in lines_of(scans, *words)))
 
 
 def listed(files):
@@ -126,12 +126,12 @@ def simulated(o, surroundings, seed, sensor, drifts=False):
         drive = (o.folder or Path(temporary)) / f'{surroundings}-{sensor}-{seed}'
         run('simulate', '-o', drive, '--surroundings', surroundings, '--sensor', sensor, '--seed', seed, '--quiet',
             *(['--every', every, '--route', 'both', '--length', length] if on_street else ['--every', 5]))
-        poses, given, excluded = truth(drive), [], 50 if on_street else 200
+        poses, given = truth(drive), []
         if drifts:
             np.savetxt(drive / 'odometry.txt', odometry(poses, seed)[:, :3].reshape(-1, 12))
             given = ['--poses', drive / 'odometry.txt', '--pose-frame', 'lidar']
-        lines = lines_of(drive / 'sequences/00/velodyne', '--exclusion', f'frames={excluded}', *given, *o.others)
-    counts, _ = judged(lines, poses, excluded, *(() if outdoors else (2, (0.5, 5))))
+        lines = lines_of(drive / 'sequences/00/velodyne', *given, *o.others)
+    counts, _ = judged(lines, poses, *(() if outdoors else (2, (0.5, 5))))
     return counts + Counter(before=STREETS.get(surroundings, (0, 0))[1])
 
 
@@ -160,14 +160,14 @@ def drives_of(o):
         sensor = '--sensor', 'ouster-os1-64'
         yield 'NCLT', (140, 0, ''), 'nclt', partial(posed, o.real / 'nclt')
         yield 'Riverside, second lap', (173, 0, ''), 'riverside', partial(second_lap, river, places, *sensor)
-        yield 'Riverside, first lap with itself', (0, 0, ''), 'riverside-first', partial(none_correct, river / 'first', 30, *sensor)
-        yield 'walk', (200, 0, ''), 'mid360_walk', partial(posed, o.real / 'mid360_walk', excluded=95, limits=(2.5, 10))
+        yield 'Riverside, first lap with itself', (0, 0, ''), 'riverside-first', partial(none_correct, river / 'first', *sensor)
+        yield 'walk', (200, 0, ''), 'mid360_walk', partial(posed, o.real / 'mid360_walk', limits=(2.5, 10))
         yield 'greenhouse', (0, 0, ''), 'greenhouse_small', partial(posed, o.real / 'greenhouse_small', limits=(1.5, 10))
     if o.pcd_files:
         places = listed([ROOT / f'bench/pcd_files/{name}.csv' for name in ('loops', 'loops_weak')])
         yield 'pcd_files', (24, 0, ''), 'pcd_files', partial(second_lap, o.pcd_files, places)
     if o.kitti00:  # headings of the truth are off by up to 18 degrees in curves
-        yield 'KITTI 00', (325, 0, ''), 'kitti00', partial(posed, o.kitti00, '.', excluded=25, limits=(2.5, 20))
+        yield 'KITTI 00', (325, 0, ''), 'kitti00', partial(posed, o.kitti00, '.', limits=(2.5, 20))
     for sensor in o.sensors or SENSORS:
         for seed in o.seeds or ROWS:
             yield f'rows, {sensor}', (0.93, 0.01, 'possible'), f'rows-{seed}-{sensor}', partial(simulated, o, 'rows', seed, sensor)
@@ -218,7 +218,7 @@ def main():
         if chosen:
             print_line(title, total, bar)
     for drive in o.own:
-        counts, errors = judged(lines_of(drive, '--exclusion', 'frames=60', *o.others), truth(drive), 60)
+        counts, errors = judged(lines_of(drive, *o.others), truth(drive))
         print_line('{}, median error {:.1f} mm, {:.3f} degrees'.format(drive, *np.median(errors, axis=0) * [1000, 1]), counts)
 
 

@@ -19,7 +19,7 @@ def main():
     parser.add_argument('data')
     parser.add_argument('--map', help='map file (default: none)')
     parser.add_argument('--threshold', type=float, help='minimum score (default: for a precision of 0.99)')
-    parser.add_argument('--exclusion', default='frames=50', help='recent scans that are not compared (default: %(default)s)')
+    parser.add_argument('--exclusion', default='meters=30', help='recent scans that are not compared (default: %(default)s)')
     o = parser.parse_args()
 
     recording = recordings.open_recording(o.data)

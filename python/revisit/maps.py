@@ -21,8 +21,8 @@ def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *
     model: another model, from recognition.read_ring_model().
     warmup: number of scans from which the map mean is estimated.
     threads: for describing one scan.
-    local_map: LoopDetector describes and registers the points of the last `local_map` meters, accumulated by the poses; 0: single
-        scans. The same for all sessions of a map.
+    local_map: LoopDetector describes and registers the points of the last `local_map` meters, accumulated by the poses or else
+        by registration; 0: single scans. The same for all sessions of a map.
     mount: 'roll,pitch,yaw,x,y,z' [deg, m], see recognition.parse_mount(); '': x forward, y left, z up.
     `revisit loops --map` reads and writes the same maps.
     Raises InputError if the file is not a map, is corrupt, or has another sensor or local_map, and Error if another process

@@ -263,8 +263,9 @@ void bind_loop_detector(nb::module_& module) {
           "open_map() opens; None: a temporary map.\n"
           "sensor: of a map that is opened, as of open_map().\n"
           "drive: name of the drive in the map.\n"
-          "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'meters=L' or "
-          "'none'.\n"
+          "exclusion: recent scans that are not compared: 'meters=L' by poses or else by "
+          "registered "
+          "motion, 'frames=N', 'seconds=T' or 'none'.\n"
           "keyframes: scans that are stored: 'all', 'meters=L' or 'similarity=S'. All scans are "
           "compared.\n"
           "verify: register the most similar entries, and judge them by free space. "
@@ -291,7 +292,7 @@ void bind_loop_detector(nb::module_& module) {
           "pose"_a = nb::none(),
           "points: in the sensor's frame [m]. frame: ascends; None: the next. time: [s]. pose: "
           "T_world_sensor, float64 [4][4].\n"
-          "Raises UsageError if the exclusion needs a time or a pose that is not given.")
+          "Raises UsageError if the exclusion needs a time that is not given.")
       .def(
           "query",
           [](PythonDetector& self, PointsArgument points) {

@@ -92,7 +92,7 @@ TEST_F(Robots, ShareEntriesWhileDriving) {
     robots.emplace_back([this, robot, list, &found] {
       const std::string result = list.string() + ".csv";
       const std::string command = std::string("'") + REVISIT_PROGRAM +
-                                  "' loops - --sensor vlp16 --exclusion frames=25 --warmup 50 -q "
+                                  "' loops - --sensor vlp16 --exclusion frames=100 --warmup 50 -q "
                                   "--threads 1 --drive " +
                                   std::to_string(robot) + " --map " + map() + " -o '" + result +
                                   "' < '" + list.string() + "'";
@@ -110,10 +110,10 @@ TEST_F(Robots, ShareEntriesWhileDriving) {
     for (const Cells& loop : csv(found[static_cast<size_t>(robot)])) {
       const int other = loop.at(2).empty() ? robot : std::stoi(loop.at(2));
       of_each_other += other != robot ? 1 : 0;
-      const auto where = [&](int drive, const std::string& frame) {
-        return at.at(static_cast<size_t>(drive * kFrames + std::stoi(frame) * kEvery));
+      const auto where = [&](const std::string& frame) {
+        return at.at(static_cast<size_t>(std::stoi(frame)));
       };
-      const auto a = where(robot, loop.at(0)), b = where(other, loop.at(3));
+      const auto a = where(loop.at(0)), b = where(loop.at(3));
       apart.push_back(std::hypot(a.first - b.first, a.second - b.second));
     }
   EXPECT_GE(of_each_other, 5);

@@ -91,7 +91,7 @@ class LoopClosureNode : public rclcpp::Node {
     described_.sensor = text("sensor", "");
     described_.local_map = declare_parameter<double>("local_map", 0);
     options_ = {.drive = text("drive", "ros"),
-                .exclusion = parse_exclusion(text("exclusion", "seconds=30")),
+                .exclusion = parse_exclusion(text("exclusion", "meters=30")),
                 .keyframes = text("keyframes", "all"),
                 .target_precision = declare_parameter<double>("target_precision", 0.99),
                 .warn = [this](const std::string& what) { warn(what); }};

@@ -17,16 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns nothing for names that are not an int, such as time stamps in nanoseconds.
-std::optional<int> number_of(const fs::path& file) {
-  const std::string stem = file.stem().string();
-  if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) return {};
-  int number = 0;
-  const auto [stop, error] = std::from_chars(stem.data(), stem.data() + stem.size(), number);
-  if (error != std::errc()) return {};
-  return number;
-}
-
 /// strverscmp orders by runs of digits. It is 0 only for equal names, so the order is total.
 bool naturally_less(const std::string& a, const std::string& b) {
   return ::strverscmp(a.c_str(), b.c_str()) < 0;
@@ -68,7 +58,7 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
     throw InputError(folder.string(), ": no ", kind, " in this folder", compressed_scans(folder));
 
   const auto unnumbered =
-      std::ranges::find_if(names, [](const std::string& name) { return !number_of(name); });
+      std::ranges::find_if(names, [](const std::string& name) { return !number_in_name(name); });
   if (unnumbered != names.end() && numbers == FrameNumbers::kFromNames)
     throw InputError((folder / *unnumbered).string(),
                      ": expected the frame's number as the file name, e.g. ", example);
@@ -81,7 +71,8 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
   else
     for (NumberedFile& file : files) file.time.reset();
   for (size_t i = 0; i < files.size(); ++i)
-    files[i].frame = unnumbered == names.end() ? *number_of(files[i].file) : static_cast<int>(i);
+    files[i].frame =
+        unnumbered == names.end() ? *number_in_name(files[i].file) : static_cast<int>(i);
   std::ranges::stable_sort(files, {}, &NumberedFile::frame);
   const auto twice = std::ranges::adjacent_find(files, {}, &NumberedFile::frame);
   if (twice != files.end())
@@ -103,6 +94,15 @@ bool is_set(const fs::path& path) {
 }
 
 }  // namespace
+
+std::optional<int> number_in_name(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) return {};
+  int number = 0;
+  const auto [stop, error] = std::from_chars(stem.data(), stem.data() + stem.size(), number);
+  if (error != std::errc()) return {};
+  return number;
+}
 
 std::optional<double> time_in_name(const fs::path& file) {
   const std::string stem = file.stem().string();

@@ -90,7 +90,7 @@ std::vector<double> distance_along(const Trajectory& trajectory, Exclusion::Kind
   if (kind == Exclusion::Kind::kMeters && trajectory.positions.empty())
     throw UsageError(what, " in meters: the data set has no poses; use frames=N");
   std::vector<double> along;
-  ExclusionCounter driven(kind);
+  ExclusionCounter driven({kind, 0});
   for (size_t i = 0; i < trajectory.frames.size(); ++i) {
     std::optional<double> time;
     std::optional<Eigen::Vector3d> position;

@@ -10,100 +10,17 @@ namespace {
 
 // Constants were chosen together, on simulated offices and streets, a walk, NCLT and Riverside.
 constexpr double kWindow = 10;  // path on which an accepted loop confirms another [m]
-constexpr double kHalt = 0.5;   // least distance of keyframes; a halt would lower the level [m]
 constexpr int64_t kSample = 4;  // one moving scan in 4 tells what is usual
-constexpr size_t kRecent = 25;  // of these
-constexpr double kMinInlierRatio = 0.1;  // of consecutive scans that are registered
-
-template <class Value>
-void push_recent(std::deque<Value>& values, Value value, size_t most) {
-  values.push_back(std::move(value));
-  if (values.size() > most) values.pop_front();
-}
-
-template <class Value>
-double median(const std::deque<Value>& values) {
-  std::vector<Value> sorted(values.begin(), values.end());
-  std::ranges::sort(sorted);
-  const size_t n = sorted.size();
-  return (static_cast<double>(sorted[(n - 1) / 2]) + static_cast<double>(sorted[n / 2])) / 2;
-}
-
-double yaw_of(const Eigen::Isometry3d& T) {
-  return std::atan2(T(1, 0), T(0, 0));
-}
 
 }  // namespace
 
-const PreparedScan& SeenScan::prepared() const {
-  if (!parts_->prepared) parts_->prepared.emplace(parts_->cloud, parts_->options);
-  return *parts_->prepared;
-}
-
-const FreeSpace& SeenScan::space() const {
-  if (!parts_->space) parts_->space.emplace(parts_->cloud, prepared(), parts_->options);
-  return *parts_->space;
-}
-
 void DriveHistory::arrive(const SeenScan& scan, int64_t frame,
                           const std::optional<Eigen::Isometry3d>& given,
-                          std::optional<double> relative_yaw) {
-  before_ = here_;
-  here_ = {.frame = frame, .given = given, .stretch = here_.stretch};
-  if (reference_) {
-    const Eigen::Isometry3d motion = motion_of(scan, relative_yaw);
-    here_.pose = reference_->at.pose * motion;
-    here_.pose.linear() = Eigen::Quaterniond(here_.pose.linear()).normalized().toRotationMatrix();
-    here_.path = reference_->at.path + motion.translation().norm();
-    step_ = (before_.pose.inverse() * here_.pose).translation();
-  }
+                          std::optional<double> relative_yaw,
+                          const std::optional<Eigen::Isometry3d>& step) {
+  Odometry::arrive(scan, frame, given, relative_yaw, step);
+  if (is_lost()) accepted_.clear();
   if ((!reference_ || is_moving()) && moved_++ % kSample == 0) sample(scan);
-}
-
-/// Rings may take a corridor for itself turned around, and registration one bay for the next.
-/// Results that differ from the motion before are therefore compared with others.
-Eigen::Isometry3d DriveHistory::motion_of(const SeenScan& scan,
-                                          std::optional<double> relative_yaw) {
-  const bool was_lost = std::exchange(is_lost_, false);
-  if (here_.given && reference_->at.given) return reference_->at.given->inverse() * *here_.given;
-  const Eigen::Isometry3d before = reference_->at.pose.inverse() * before_.pose;
-  if (!relative_yaw) return before;
-  constexpr double kTurn = 30 * std::numbers::pi / 180;  // since the scan before
-  constexpr double kShift = 1;                           // from the expected position [m]
-  constexpr double kPoor = 0.6;                          // of the usual inlier ratio
-  constexpr double kFree = 0.01;                         // constraint of motions that may slide
-  constexpr double kWrong = 0.25;  // contradiction; of correct motions at most 0.2, else over 0.33
-  const auto registered = [&](double yaw, double radius) {
-    RegistrationOptions options = options_;
-    options.search_radius = std::min(radius, options_.search_radius);
-    return register_scans(scan.prepared(), reference_->scan.prepared(), yaw, options);
-  };
-  const auto contradiction_of = [&](const Registration& one) {
-    return mutual_contradiction(scan.space(), reference_->scan.space(), one.T_place_query);
-  };
-  const double usual = inlier_ratios_.empty() ? 0 : median(inlier_ratios_);
-  Registration found = registered(*relative_yaw, options_.search_radius);
-  const auto compare = [&](const Registration& other) {
-    if (other.inlier_ratio - contradiction_of(other) > found.inlier_ratio - contradiction_of(found))
-      found = other;
-  };
-  const double turn = std::remainder(*relative_yaw - yaw_of(before), 2 * std::numbers::pi);
-  const double shift = (found.T_place_query.translation() - before * step_).norm();
-  if (std::abs(turn) > kTurn || shift > kShift || found.inlier_ratio < kPoor * usual)
-    compare(registered(yaw_of(before), before.translation().norm() + step_.norm() + kShift));
-  for (int turned = 1; turned < 8 && !was_lost && found.inlier_ratio < kPoor * usual; ++turned)
-    compare(registered(yaw_of(before) + turned * std::numbers::pi / 4, options_.search_radius));
-  is_lost_ = found.inlier_ratio < kMinInlierRatio;
-  if (is_lost_ || found.constraint < kFree || contradiction_of(found) > kWrong) ++here_.stretch;
-  if (is_lost_)
-    accepted_.clear();
-  else
-    push_recent(inlier_ratios_, found.inlier_ratio, kRecent);
-  return is_lost_ ? before : found.T_place_query;
-}
-
-bool DriveHistory::is_moving() const {
-  return is_lost_ || here_.path - reference_->at.path >= kHalt;
 }
 
 void DriveHistory::sample(const SeenScan& scan) {
@@ -121,7 +38,7 @@ void DriveHistory::sample(const SeenScan& scan) {
 
 void DriveHistory::add(int64_t index, const SeenScan& scan) {
   entries_[index] = here_;
-  if (!reference_ || is_moving()) reference_.emplace(Reference{index, here_, scan});
+  refer(index, scan);
 }
 
 double DriveHistory::level(double scale) const {

@@ -4,38 +4,16 @@
 #include <cstdint>
 #include <deque>
 #include <map>
-#include <memory>
 #include <optional>
 #include <string>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "odometry.h"
 #include "revisit/loops/loop_detector.h"
-#include "revisit/registration/free_space.h"
-#include "revisit/registration/registration.h"
 
 namespace revisit {
-
-/// A scan as registration and free space need it, which takes milliseconds and is therefore
-/// computed when it is first needed. Copies share their data. Not thread-safe.
-class SeenScan {
- public:
-  SeenScan(PointCloud cloud, const RegistrationOptions& options)
-      : parts_(std::make_shared<Parts>(Parts{std::move(cloud), options, {}, {}})) {}
-  const PointCloud& cloud() const { return parts_->cloud; }
-  const PreparedScan& prepared() const;
-  const FreeSpace& space() const;
-
- private:
-  struct Parts {
-    PointCloud cloud;
-    RegistrationOptions options;
-    std::optional<PreparedScan> prepared;
-    std::optional<FreeSpace> space;
-  };
-  std::shared_ptr<Parts> parts_;
-};
 
 /// A map entry as a candidate of a loop. Poses are those of the mounted frame, with z up.
 struct CandidatePlace {
@@ -48,20 +26,16 @@ struct CandidatePlace {
 
 /// What the preceding scans of a drive tell about its next loop: the motion, what is usual, and the
 /// loops accepted on the last meters. Poses are those of the mounted frame.
-class DriveHistory {
+class DriveHistory : public Odometry {
  public:
   DriveHistory(const RegistrationOptions& options, const OdometryGate& gate)
-      : options_(options), gate_(gate) {}
+      : Odometry(options), gate_(gate) {}
 
-  /// The entry to which motions refer; absent at first.
-  std::optional<int64_t> reference() const {
-    return reference_ ? std::optional(reference_->index) : std::nullopt;
-  }
-  /// The drive's next scan. Its motion is estimated by registration, from `relative_yaw` to the
-  /// reference, if it or the reference has no pose.
+  /// Odometry::arrive()
   void arrive(const SeenScan& scan, int64_t frame,
               const std::optional<Eigen::Isometry3d>& T_world_scan,
-              std::optional<double> relative_yaw);
+              std::optional<double> relative_yaw,
+              const std::optional<Eigen::Isometry3d>& step = std::nullopt);
   /// The scan of the last arrive() is the entry at `index`.
   void add(int64_t index, const SeenScan& scan);
   /// The loop of that scan to `place` is accepted, or only objection() prevents it. Returns the
@@ -94,18 +68,6 @@ class DriveHistory {
   bool confirms(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
 
  private:
-  struct Position {
-    int64_t frame = 0;
-    std::optional<Eigen::Isometry3d> given;                  // T_world_scan of the user
-    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // in the drive, by its motions
-    double path = 0;                                         // since its first scan [m]
-    int64_t stretch = 0;  // between two of them the motion is unknown
-  };
-  struct Reference {
-    int64_t index;
-    Position at;
-    SeenScan scan;
-  };
   struct AcceptedLoop {
     CandidatePlace place;
     Eigen::Isometry3d T_place_scan;
@@ -133,22 +95,13 @@ class DriveHistory {
   bool is_refuted_by_motion(const Position& place, const Eigen::Isometry3d& T_place_scan) const;
   /// Absent: unknown.
   std::optional<bool> agree(const FittingLoop& one, const FittingLoop& before) const;
-  /// T_reference_scan
-  Eigen::Isometry3d motion_of(const SeenScan& scan, std::optional<double> relative_yaw);
-  bool is_moving() const;
   void sample(const SeenScan& scan);
   std::optional<Eigen::Isometry3d> between(const CandidatePlace& to, const CandidatePlace& from,
                                            const Eigen::Isometry3d& expected) const;
 
-  RegistrationOptions options_;
   OdometryGate gate_;
-  Position here_, before_;                          // of this scan and the one before
-  Eigen::Vector3d step_ = Eigen::Vector3d::Zero();  // from one to the other [m]
-  std::optional<Reference> reference_;
-  bool is_lost_ = false;  // the motion from the reference is unknown
-  int64_t moved_ = 0;     // number of scans that are no halt
+  int64_t moved_ = 0;  // number of scans that are no halt
   double scale_ = 1;
-  std::deque<double> inlier_ratios_;               // of consecutive scans
   std::deque<double> contradictions_;              // of sampled scans in the keyframes before
   std::deque<int64_t> upright_;                    // of sampled scans: numbers of upright points
   std::deque<AcceptedLoop> accepted_;              // of the last meters

@@ -23,14 +23,18 @@ uint64_t voxel_of(const Eigen::Vector3i& point) {
 
 }  // namespace
 
+void LocalMap::clear() {
+  scans_.clear();
+  voxels_.clear();
+  along_ = 0;
+}
+
 PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor) {
   if (!T_world_sensor.matrix().allFinite())
     throw UsageError("local map: a pose has numbers that are not finite");
   double moved = last_ ? (T_world_sensor.translation() - last_->translation()).norm() : meters_;
   if (!(moved <= meters_)) {  // a gap or a jump of the odometry; may be infinite
-    scans_.clear();
-    voxels_.clear();
-    along_ = 0;
+    clear();
     moved = meters_;
   }
   while (!scans_.empty() && scans_.front().along < along_ + moved - meters_) {

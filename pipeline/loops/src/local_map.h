@@ -16,6 +16,8 @@ namespace revisit {
 class LocalMap {
  public:
   explicit LocalMap(double meters) : meters_(meters) {}
+  /// Forgets all points, because the motion to the next scan is unknown.
+  void clear();
   /// Returns the points of the last meters in the frame of `scan`, averaged per voxel. The view is
   /// valid until the next call.
   PointsView add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor);

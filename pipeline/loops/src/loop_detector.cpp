@@ -55,10 +55,11 @@ void check_keyframes(const std::string& text) {
   Keyframes{text};
 }
 
-std::span<const int64_t> RecentEntries::at(const ScanStamp& scan) {
-  std::optional<Eigen::Vector3d> index;
-  if (scan.pose) index = scan.pose->translation();
-  along_ = driven_.at(scan.frame, scan.time, index);
+std::span<const int64_t> RecentEntries::at(const ScanStamp& scan,
+                                           const std::optional<double>& registered) {
+  std::optional<Eigen::Vector3d> position;
+  if (scan.pose) position = scan.pose->translation();
+  along_ = driven_.at(scan.frame, scan.time, position, registered);
   if (exclusion_.kind == Exclusion::Kind::kNone) entries_.clear();
   while (!entries_.empty() && along_ - entries_.front().second > exclusion_.amount)
     entries_.pop_front();
@@ -82,6 +83,8 @@ struct LoopDetector::Impl {
   std::vector<RecentEntries> recent;  // by the exclusion; for local maps also by overlap
   Keyframes keyframes;
   std::optional<LocalMap> local_map;
+  Odometry odometry;  // of single scans without poses, for local maps
+  bool was_posed = false;
   Verification verification;
   std::optional<int64_t> last;  // index of the entry of the preceding scan
   std::optional<int64_t> last_frame;
@@ -96,6 +99,7 @@ struct LoopDetector::Impl {
   Detection query(const PointsView& points);
   Description describe(const PointsView& points);
   PointCloud mounted(const PointsView& points) const;
+  PointsView accumulated(const PointsView& scan, const ScanStamp& stamp);
   std::vector<int64_t> temporal_neighbors(const ScanStamp& stamp);
   std::optional<int64_t> resume(const Description& scan, const PointsView& points,
                                 const ScanStamp& stamp);
@@ -131,6 +135,7 @@ LoopDetector::Impl::Impl(std::unique_ptr<Map> own, Map& used, const LoopDetector
       name(options.drive),
       recent{RecentEntries(options.exclusion)},
       keyframes(options.keyframes),
+      odometry(options.registration),
       verification(map, options, acceptance) {
   if (const double meters = map.options().local_map; meters != 0) {
     local_map.emplace(meters);
@@ -146,11 +151,8 @@ Detection LoopDetector::Impl::take(const PointsView& given, const ScanStamp& sta
     throw UsageError("frame ", stamp.frame, ": expected frames that ascend, found it after ",
                      *last_frame, "; give each scan of a drive the next number");
   last_frame = stamp.frame;
-  if (local_map && !stamp.pose)
-    return {.error = str("scan ", stamp.frame, " has no pose; a local map needs one")};
-  const PointsView points = local_map ? local_map->add(given, *stamp.pose) : given;
+  const PointsView points = local_map ? accumulated(given, stamp) : given;
   Detection found;
-  found.excluded = temporal_neighbors(stamp);
   const Description description = describe(points);
   if (!description.described()) {
     found.error = description.error;
@@ -158,9 +160,12 @@ Detection LoopDetector::Impl::take(const PointsView& given, const ScanStamp& sta
   }
   const bool needs_cloud = options.keep_clouds || verifies;
   const SeenScan seen(needs_cloud ? mounted(points) : PointCloud(), options.registration);
+  if (verifies)
+    verification.arrive(description, seen, stamp,
+                        local_map && !stamp.pose ? odometry.step() : std::nullopt);
+  found.excluded = temporal_neighbors(stamp);
   found.index = resume(description, points, stamp);
   exclude_drive(stamp, found.excluded);
-  if (verifies) verification.arrive(description, seen, stamp);
   match(description, seen, true, found);
   store(description, seen, stamp, found);
   return found;
@@ -193,10 +198,25 @@ PointCloud LoopDetector::Impl::mounted(const PointsView& points) const {
   return cloud;
 }
 
+/// The local map, by the poses of scans or else by registration of consecutive ones.
+PointsView LoopDetector::Impl::accumulated(const PointsView& scan, const ScanStamp& stamp) {
+  const bool is_posed = stamp.pose.has_value();
+  if (std::exchange(was_posed, is_posed) != is_posed) local_map->clear();
+  if (is_posed) return local_map->add(scan, *stamp.pose);
+  const SeenScan seen(mounted(scan), options.registration);
+  odometry.arrive(seen, stamp.frame, std::nullopt, std::nullopt);
+  odometry.refer(stamp.frame, seen);
+  if (odometry.is_lost()) local_map->clear();
+  return local_map->add(scan, odometry.pose() * mount);
+}
+
 std::vector<int64_t> LoopDetector::Impl::temporal_neighbors(const ScanStamp& stamp) {
+  const auto motion = local_map  ? odometry.motion()
+                      : verifies ? verification.odometry().motion()
+                                 : std::nullopt;
   std::vector<int64_t> neighbors;
   for (RecentEntries& one : recent) {
-    const std::span<const int64_t> entries = one.at(stamp);
+    const std::span<const int64_t> entries = one.at(stamp, motion);
     neighbors.insert(neighbors.end(), entries.begin(), entries.end());
   }
   return neighbors;

@@ -32,12 +32,14 @@ void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isom
 
 }  // namespace
 
-void Verification::arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp) {
+void Verification::arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp,
+                          const std::optional<Eigen::Isometry3d>& step) {
   std::optional<Eigen::Isometry3d> pose;
   if (stamp.pose && options_.odometry_gate) pose = *stamp.pose * map_.options().mount.inverse();
   const std::optional<int64_t> before = history_.reference();
+  const bool needs_yaw = before && !pose && !step;
   history_.arrive(seen, stamp.frame, pose,
-                  before && !pose ? map_.compare(scan, *before).relative_yaw : std::nullopt);
+                  needs_yaw ? map_.compare(scan, *before).relative_yaw : std::nullopt, step);
 }
 
 double Verification::score_of(const Loop& loop, double scale, double contradiction) const {

@@ -24,8 +24,10 @@ class Verification {
         acceptance_(acceptance),
         history_(options.registration, options.odometry_gate.value_or(OdometryGate())) {}
 
-  /// The drive's next scan.
-  void arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp);
+  /// The drive's next scan. `step`: Odometry::arrive().
+  void arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp,
+              const std::optional<Eigen::Isometry3d>& step);
+  const Odometry& odometry() const { return history_; }
   /// The scan of the last arrive() is the entry at `index`.
   void add(int64_t index, const SeenScan& seen) { history_.add(index, seen); }
   /// Chooses among the entry of `found` and up to two other places. `drives`: the scan is that of

@@ -94,6 +94,8 @@ TEST(GroundTruth, ExclusionCountsFrameNumbersSecondsOrDrivenMeters) {
   EXPECT_EQ(earlier_candidates(drive, parse_exclusion("frames=50")), (V{0, 1, 1, 3}));
   EXPECT_EQ(earlier_candidates(drive, parse_exclusion("seconds=30")), (V{0, 0, 2, 2}));
   EXPECT_EQ(earlier_candidates(drive, parse_exclusion("meters=10")), (V{0, 0, 1, 2}));
+  Trajectory halt = along_x({0, 1, 1.2, 0.9, 1.3, 1, 1.1, 2.4});  // noise of a halt is no path
+  EXPECT_EQ(earlier_candidates(halt, parse_exclusion("meters=1.5")), (V{0, 0, 0, 0, 0, 0, 0, 1}));
   drive.times = {0, 2, 1, 3};
   EXPECT_THROW(earlier_candidates(drive, parse_exclusion("seconds=30")), InputError);
   drive.times.clear();

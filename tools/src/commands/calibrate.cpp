@@ -22,7 +22,7 @@ constexpr double kMatchPrior = 0.1;   // fraction of correct matches in use; KIT
 struct CalibrateOptions {
   fs::path model, weights, output;
   std::vector<fs::path> drives;
-  std::string exclusion = "frames=50", every = "1";
+  std::string exclusion = to_string(Exclusion()), every = "1";
   int augmentations = 1;
   uint32_t seed = 1;
   double radius = 5, precision = default_target_precision(Score::kDistinctMargin);
@@ -48,8 +48,9 @@ void CalibrateOptions::declare(Options& options) {
               &every)
       .group("Matches:")
       .option("exclusion", "KIND=N",
-              "recent scans that are not compared: frames=50, seconds=30, meters=50 or none "
-              "(default frames=50)",
+              str("recent scans that are not compared: meters=30, frames=50, seconds=30 or none "
+                  "(default ",
+                  exclusion, ")"),
               &exclusion)
       .option("radius", "METERS",
               "maximum distance of a correct match; incorrect beyond twice that (default 5)",

@@ -50,8 +50,9 @@ void LoopsOptions::declare(Options& options) {
   feature.declare(options, Scans::kOneByOne);
   options.group("Loops:")
       .option("exclusion", "KIND=N",
-              "recent scans of this drive that are not compared: frames=50, seconds=30, meters=50 "
-              "or none (default frames=50)",
+              str("recent scans of this drive that are not compared: meters=30 (by poses, or else "
+                  "by registration), frames=50, seconds=30 or none (default ",
+                  exclusion_text, ")"),
               &exclusion_text)
       .common()
       .option("keyframes", "RULE",
@@ -82,7 +83,9 @@ void LoopsOptions::declare(Options& options) {
       .flag("all", "a line for every scan (default: only for accepted loops)", &all)
       .common()
       .option("follow", "SECONDS",
-              "DATA is a folder that grows: end after this time without a new scan", &follow)
+              "DATA is a folder that grows: end after this time without a new scan; with -: names "
+              "of files that come one by one",
+              &follow)
       .positive()
       .common();
   feature.declare_local_map(options);

@@ -189,7 +189,7 @@ void EvalOptions::declare_evaluation(Options& options) {
               "the protocol's; twice the radius in driving order)",
               &negative_radius)
       .option("exclusion", "KIND=N",
-              "temporal neighbors that are not compared: frames=50, seconds=30, meters=50 or "
+              "temporal neighbors that are not compared: meters=30, frames=50, seconds=30 or "
               "none; unused if the protocol stores fixed scans (default: the protocol's)",
               &exclusion)
       .common()

@@ -318,6 +318,11 @@ void need_others(const Dataset& drive, const Dataset& others, const std::string&
                        " is a scan of the drive itself; give scans of other places");
 }
 
+/// That of the detector, or 50 frames without poses.
+Exclusion default_exclusion(const Trajectory& trajectory) {
+  return trajectory.positions.empty() ? Exclusion{Exclusion::Kind::kFrames, 50} : Exclusion();
+}
+
 PerturbedQueries perturbed_queries(const EvalOptions& o, const Dataset& drive) {
   PerturbedQueries perturbed;
   perturbed.perturbations = parse_perturbations(o.perturb);
@@ -335,7 +340,8 @@ PerturbedQueries perturbed_queries(const EvalOptions& o, const Dataset& drive) {
 FinishedEvaluation evaluate_perturbed_queries(const EvalOptions& options) {
   Opened in(options);
   in.note_sensor();
-  if (!in.options.exclusion && in.trajectory.listed) in.options.exclusion = Exclusion();
+  if (!in.options.exclusion && in.trajectory.listed)
+    in.options.exclusion = default_exclusion(in.trajectory);
   if (in.source.align != AlignCase::kOne) in.options.query_case.reset();
   EvaluationResult result = evaluate_perturbed(in.dataset, in.trajectory, in.source.extractor,
                                                perturbed_queries(in.given, in.dataset), in.options,
@@ -380,7 +386,7 @@ std::string write_ground_truth(const EvalOptions& o) {
   const Trajectory trajectory = make_trajectory(dataset);
   const MatchRule rule{options.distance.value_or(trajectory.horizontal),
                        options.radius.value_or(MatchRule().radius)};
-  const Exclusion exclusion = options.exclusion.value_or(Exclusion());
+  const Exclusion exclusion = options.exclusion.value_or(default_exclusion(trajectory));
   const auto pairs = find_loops(trajectory, rule, exclusion);
   std::set<int64_t> positives;
   Table table({"query", "match", "distance_m"});

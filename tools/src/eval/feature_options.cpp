@@ -204,8 +204,8 @@ void FeatureOptions::declare_local_map(Options& options) {
   options.option(
       "local-map", "METERS",
       "path length of the local map that replaces a scan, 1 to 200, for sensors with a gap "
-      "or few points; needs poses; 10 is a good value; uses the model of hdl64 unless "
-      "--sensor is given (default: the scan)",
+      "or few points, accumulated by poses or else by registration; 10 is a good value; uses the "
+      "model of hdl64 unless --sensor is given (default: the scan)",
       &local_map);
 }
 

@@ -101,12 +101,7 @@ MapSource map_source(FeatureOptions& options, const Dataset& some, const fs::pat
     throw UsageError(
         "--feature fabmap: needs all camera images of a drive at once; use `revisit eval "
         "--protocol online`");
-  if (options.local_map != 0) {
-    const ScanRef& first = some.scans.front();
-    if (!first.pose)
-      throw UsageError("--local-map: ", first.file.string(), " has no pose; give --poses");
-    choose_local_map_sensor(options, map);
-  }
+  if (options.local_map != 0) choose_local_map_sensor(options, map);
   warn_of_view(options, some);
   if (const std::string found = resolve_sensor(options, some, map);
       !found.empty() && !options.quiet)

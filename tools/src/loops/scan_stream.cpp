@@ -27,14 +27,15 @@ Pose calibration_of(const ScanRef& scan) {
   return fs::exists(file) ? read_kitti_calibration(file) : axes_of_camera();
 }
 
-/// Reads one file name per line and skips empty lines. Frames count from 0.
+/// Reads one file name per line and skips empty lines. Frames are numbered as in a folder, by names
+/// if their numbers ascend.
 ScanStream scans_listed_in(std::istream& list, std::string first) {
-  return [&list, line = std::move(first), frame = 0]() mutable -> std::optional<ScanRef> {
+  return [&list, line = std::move(first), last = -1]() mutable -> std::optional<ScanRef> {
     while (line.empty() && std::getline(list, line)) continue;
     if (line.empty()) return std::nullopt;
     ScanRef scan;
     scan.file = std::exchange(line, "");
-    scan.frame = frame++;
+    scan.frame = last = std::max(last + 1, number_in_name(scan.file).value_or(0));
     scan.time = time_in_name(scan.file);
     return scan;
   };
@@ -160,22 +161,34 @@ ScanSource recording_source(const FeatureOptions& data, const PoseOptions& poses
   return source_of(std::move(scans), kShowSensor, data.data.string(), data.point_times);
 }
 
-/// Scans or names of files.
-ScanSource standard_input(int every, const std::string& unit) {
+/// Scans or names of files. All names are read at once, so that scans of the whole drive show the
+/// sensor, as in a folder; if they are followed, one by one.
+ScanSource standard_input(const FeatureOptions& data, bool is_followed) {
   const std::string name = "standard input";
   std::string line;
   std::getline(std::cin, line);
   RecordedScans scans;
-  if (begins_recorded_scans(line))
+  const bool has_points = begins_recorded_scans(line);
+  if (has_points)
     scans = recorded_scans(std::cin, name, line);
   else
     scans.next = scans_listed_in(std::cin, std::move(line));
-  scans.next = [next = std::move(scans.next), every] {
+  scans.next = [next = std::move(scans.next), every = data.every] {
     std::optional<ScanRef> scan = next();
     while (scan && scan->frame % every != 0) scan = next();
     return scan;
   };
-  return source_of(std::move(scans), 1, name, unit);
+  if (has_points || is_followed) return source_of(std::move(scans), 1, name, data.point_times);
+  Dataset dataset;
+  while (std::optional<ScanRef> scan = scans.next()) dataset.scans.push_back(std::move(*scan));
+  if (dataset.scans.empty()) throw InputError(name, ": there are no scans");
+  const bool have_times =
+      std::ranges::all_of(dataset.scans, [](const ScanRef& scan) { return scan.time.has_value(); });
+  for (ScanRef& scan : dataset.scans)
+    if (!have_times) scan.time.reset();
+  find_point_times(dataset, data.point_times);
+  const auto count = std::ssize(dataset.scans);
+  return {stream_of(dataset.scans), std::move(dataset), count};
 }
 
 ScanSource growing(const FeatureOptions& data, double patience) {
@@ -223,7 +236,7 @@ ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
     throw UsageError("--poses: not supported with ", follow ? "--follow" : "standard input");
   if (listed && !(data.sequence.empty() && data.topics.empty()))
     throw UsageError("--sequence, --topics: not supported with standard input");
-  if (listed) return standard_input(data.every, data.point_times);
+  if (listed) return standard_input(data, follow.has_value());
   if (is_recording(data.data)) {
     if (follow) throw UsageError("--follow: not supported for recordings");
     return recording_source(data, poses);

@@ -54,15 +54,26 @@ std::string to_string(const Exclusion& exclusion) {
 }
 
 double ExclusionCounter::at(int64_t frame, const std::optional<double>& time,
-                            const std::optional<Eigen::Vector3d>& position) {
-  if (kind_ == Exclusion::Kind::kSeconds) {
+                            const std::optional<Eigen::Vector3d>& position,
+                            const std::optional<double>& registered) {
+  if (exclusion_.kind == Exclusion::Kind::kSeconds) {
     if (!time) throw UsageError("exclusion in seconds: the scans have no times; use frames=N");
     return *time;
   }
-  if (kind_ != Exclusion::Kind::kMeters) return static_cast<double>(frame);
-  if (!position) throw UsageError("exclusion in meters: the scans have no poses; use frames=N");
-  if (last_) meters_ += (*position - *last_).norm();
-  last_ = position;
+  if (exclusion_.kind != Exclusion::Kind::kMeters) return static_cast<double>(frame);
+  constexpr double kHalt = 0.5;  // [m]
+  constexpr double kScans = 50;  // of unknown motion, that are excluded
+  if (!position) {
+    meters_ += registered.value_or(exclusion_.amount / kScans);
+    reference_.reset();
+    return meters_;
+  }
+  const double moved = reference_ ? (*position - *reference_).norm() : 0;
+  if (reference_) meters_ = std::max(meters_, base_ + moved);
+  if (!reference_ || moved >= kHalt) {
+    reference_ = position;
+    base_ = meters_;
+  }
   return meters_;
 }
 

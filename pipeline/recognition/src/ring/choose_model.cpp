@@ -115,6 +115,7 @@ bool is_candidate(const std::string& sensor, const SensorFound& found) {
 std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans,
                                             const std::string& weights_sha1) {
   constexpr double kEnough = 0.88;
+  constexpr double kFew = 0.7;
   if (std::ranges::all_of(scans, [](const PointCloud& scan) { return scan.points.empty(); }))
     throw UsageError("choosing a ring model: expected scans with points, found none");
   const SensorFound found = find_sensor(scans);
@@ -131,9 +132,11 @@ std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans
   const double most = std::ranges::max(fits, {}, &Fit::held).held;
   std::erase_if(fits, [&](const Fit& fit) { return fit.held < kEnough * most; });
   const Fit best = std::ranges::min(fits, {}, &Fit::difference);
-  return {best.sensor, str(seen, found.name.empty() ? "" : str(", like ", found.name),
-                           "; no model for this sensor, the nearest covers ",
-                           std::lround(100 * best.held), " % of the non-ground points")};
+  return {best.sensor,
+          str(seen, found.name.empty() ? "" : str(", like ", found.name),
+              "; no model for this sensor, the nearest covers ", std::lround(100 * best.held),
+              " % of the non-ground points",
+              best.held < kFew ? "; local maps (--local-map 10) find more places" : "")};
 }
 
 }  // namespace

@@ -30,6 +30,10 @@ bool is_scan_file_name(const std::filesystem::path& file);
 /// Writes KITTI's .bin atomically. Throws Error on failure.
 void write_kitti_scan(const std::filesystem::path& file, const PointCloud& cloud);
 
+/// Frame number: a name of digits only. Returns nothing for others, and for time stamps in
+/// nanoseconds.
+std::optional<int> number_in_name(const std::filesystem::path& file);
+
 /// Time [s] in a name: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 digits (microseconds) or 19 digits
 /// (nanoseconds). Returns nothing for other names, such as frame numbers.
 std::optional<double> time_in_name(const std::filesystem::path& file);

@@ -27,11 +27,11 @@ struct ScanStamp {
 /// Entries of a drive that are temporal neighbors of its next scan and excluded from matching.
 class RecentEntries {
  public:
-  explicit RecentEntries(const Exclusion& exclusion)
-      : exclusion_(exclusion), driven_(exclusion.kind) {}
-  /// Indices of the entries excluded for this scan. Throws UsageError if the exclusion needs a time
-  /// or a pose that the scan lacks.
-  std::span<const int64_t> at(const ScanStamp& scan);
+  explicit RecentEntries(const Exclusion& exclusion) : exclusion_(exclusion), driven_(exclusion) {}
+  /// Indices of the entries excluded for this scan, whose motion is that of
+  /// ExclusionCounter::at(). Throws UsageError if the exclusion needs a time that the scan lacks.
+  std::span<const int64_t> at(const ScanStamp& scan,
+                              const std::optional<double>& registered = std::nullopt);
   /// Adds the scan of the last at() as the entry at `index`.
   void add(int64_t index);
 
@@ -131,8 +131,8 @@ class LoopDetector {
   LoopDetector(Map& map, const LoopDetectorOptions& options);
   ~LoopDetector();
   /// Throws what Map::add() throws, and UsageError if its frame is not above that of the scan
-  /// before or the exclusion needs a time or a pose that `scan` lacks. With local maps, a scan
-  /// without a pose is not described.
+  /// before or the exclusion needs a time that `scan` lacks. Local maps accumulate scans by their
+  /// poses, or else by registration of consecutive scans.
   Detection take(const PointsView& points, const ScanStamp& scan);
   /// Compares a scan with all entries and does not add it. A map of local maps needs the points of
   /// one, accumulated by the caller.

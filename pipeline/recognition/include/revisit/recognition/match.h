@@ -50,10 +50,10 @@ struct Exclusion {
     kNone,
     kFrames,   // difference of frame indices
     kSeconds,  // difference of time stamps [s]
-    kMeters,   // path length between the two [m]
+    kMeters,   // path length between the two [m], by poses or else by registered motion
   };
-  Kind kind = Kind::kFrames;
-  double amount = 50;
+  Kind kind = Kind::kMeters;
+  double amount = 30;
   bool operator==(const Exclusion&) const = default;
 };
 /// Parses "frames=50", "seconds=30", "meters=50" or "none". Throws UsageError,
@@ -61,18 +61,23 @@ struct Exclusion {
 Exclusion parse_exclusion(const std::string& text, const char* what = "exclusion");
 std::string to_string(const Exclusion& exclusion);
 
+/// Measures a drive. A halt has no length: the path in meters is that between positions at least
+/// 0.5 m apart.
 class ExclusionCounter {
  public:
-  explicit ExclusionCounter(Exclusion::Kind kind) : kind_(kind) {}
-  /// Position of the next scan in frames, seconds or meters. Throws UsageError without time or
-  /// pose.
+  explicit ExclusionCounter(const Exclusion& exclusion) : exclusion_(exclusion) {}
+  /// Distance of the next scan along the drive, in frames, seconds or meters. `registered`: motion
+  /// since the scan before [m], for scans without a position. If both are absent, a scan counts as
+  /// a fiftieth of the exclusion. Throws UsageError without a time in seconds.
   double at(int64_t frame, const std::optional<double>& time,
-            const std::optional<Eigen::Vector3d>& position);
+            const std::optional<Eigen::Vector3d>& position,
+            const std::optional<double>& registered = std::nullopt);
 
  private:
-  Exclusion::Kind kind_;
-  double meters_ = 0;
-  std::optional<Eigen::Vector3d> last_;
+  Exclusion exclusion_;
+  double meters_ = 0;                         // of the scan before
+  double base_ = 0;                           // at `reference_`
+  std::optional<Eigen::Vector3d> reference_;  // position
 };
 
 /// Map entries that a query may return, [begin, end). Entries in no range are excluded.
