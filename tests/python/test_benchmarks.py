@@ -136,10 +136,10 @@ class Acceptance(unittest.TestCase):
         poses[:, 0, 3] = [0, 10, 20, 30, 40, 50, 50, 40, 30, 20, 10, 3]
         lines = [{'frame': frame} for frame in range(12)]
         lines[8:] = [self.line(8, 3), self.line(9, 2, moved=2.0), self.line(10, 1, turned=1.0), self.line(11, 0, moved=3.5)]
-        counts, errors = acceptance.judged(lines, poses, excluded=3)
+        counts, errors = acceptance.judged(lines, poses)
         self.assertEqual(counts, {'possible': 4, 'correct': 2, 'incorrect': 2})
         self.assertEqual([error[0] for error in errors], [0, 0.5])
-        self.assertEqual(acceptance.judged(lines, poses, excluded=3, reach=2)[0], {'possible': 3, 'correct': 1, 'impossible': 1, 'incorrect': 2})
+        self.assertEqual(acceptance.judged(lines, poses, reach=2)[0], {'possible': 3, 'correct': 1, 'impossible': 1, 'incorrect': 2})
 
     def test_counts_of_laps_by_lists_and_the_time_between_them(self):
         lines = [self.line(2, 3), self.line(3, 9), self.line(4, 4), self.line(5, 9), {'frame': 6}]  # 4 and 5 are not listed
