@@ -47,8 +47,8 @@ void FeatureOptions::declare_data(Options& options) {
   options.group("Data:");
   options
       .option("sequence", "NAME",
-              "sequence of a data set that has several (00, scene-0061, Ouster); TOPIC or "
-              "TOPIC@FRAME_ID of a bag",
+              "sequence of a data set that has several (00, scene-0061, Ouster); "
+              "TOPIC[@FRAME_ID] of a bag",
               &sequence)
       .common();
   options
