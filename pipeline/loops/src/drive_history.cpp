@@ -67,7 +67,7 @@ std::optional<Eigen::Isometry3d> DriveHistory::between(const CandidatePlace& to,
   if (to.drive == from.drive && to.pose && from.pose) return to.pose->inverse() * *from.pose;
   if (expected.translation().norm() > options_.search_radius) return std::nullopt;
   const Registration found =
-      register_scans(from.scan.prepared(), to.scan.prepared(), yaw_of(expected), options_);
+      register_scans(from.scan.prepared(), to.scan.prepared(), heading_of(expected), options_);
   if (!found.fits) return std::nullopt;
   constexpr double kUsual = 2;  // times the level
   constexpr int64_t kNear = 10;
@@ -87,8 +87,8 @@ std::optional<double> DriveHistory::yaw_to(int64_t index) const {
   const AcceptedLoop& last = accepted_.back();
   const auto place = entries_.find(last.place.index), entry = entries_.find(index);
   if (place == entries_.end() || entry == entries_.end()) return std::nullopt;
-  return yaw_of(entry->second.pose.inverse() * place->second.pose * last.T_place_scan *
-                last.at.pose.inverse() * here_.pose);
+  return heading_of(entry->second.pose.inverse() * place->second.pose * last.T_place_scan *
+                    last.at.pose.inverse() * here_.pose);
 }
 
 bool DriveHistory::are_one(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan,
@@ -100,7 +100,7 @@ bool DriveHistory::are_one(const CandidatePlace& place, const Eigen::Isometry3d&
   if (!T_place_other) return false;
   const Eigen::Isometry3d error = T_place_scan.inverse() * *T_place_other * T_other_scan;
   return error.translation().head<2>().norm() < kBase + kRate * path &&
-         std::abs(yaw_of(error)) < kYaw;
+         std::abs(heading_of(error)) < kYaw;
 }
 
 bool DriveHistory::confirms(const CandidatePlace& place,

@@ -12,7 +12,7 @@ constexpr double kHalt = 0.5;  // least distance of references [m]
 
 }  // namespace
 
-double yaw_of(const Eigen::Isometry3d& T) {
+double heading_of(const Eigen::Isometry3d& T) {
   return std::atan2(T(1, 0), T(0, 0));
 }
 
@@ -67,7 +67,7 @@ Eigen::Isometry3d Odometry::motion_of(const SeenScan& scan, std::optional<double
   const auto contradiction_of = [&](const Registration& one) {
     return mutual_contradiction(scan.space(), reference_->scan.space(), one.T_place_query);
   };
-  const double start = relative_yaw.value_or(yaw_of(expected));
+  const double start = relative_yaw.value_or(heading_of(expected));
   const double moved = step_ ? step_->translation().norm() : 0;
   const double usual = inlier_ratios_.empty() ? 0 : median(inlier_ratios_);
   Registration found = registered(start, options_.search_radius);
@@ -75,12 +75,12 @@ Eigen::Isometry3d Odometry::motion_of(const SeenScan& scan, std::optional<double
     if (other.inlier_ratio - contradiction_of(other) > found.inlier_ratio - contradiction_of(found))
       found = other;
   };
-  const double turn = std::remainder(start - yaw_of(before), 2 * std::numbers::pi);
+  const double turn = std::remainder(start - heading_of(before), 2 * std::numbers::pi);
   const double shift = (found.T_place_query.translation() - expected.translation()).norm();
   if (std::abs(turn) > kTurn || shift > kShift || found.inlier_ratio < kPoor * usual)
-    compare(registered(yaw_of(before), before.translation().norm() + moved + kShift));
+    compare(registered(heading_of(before), before.translation().norm() + moved + kShift));
   for (int turned = 1; turned < 8 && !was_lost && found.inlier_ratio < kPoor * usual; ++turned)
-    compare(registered(yaw_of(before) + turned * std::numbers::pi / 4, options_.search_radius));
+    compare(registered(heading_of(before) + turned * std::numbers::pi / 4, options_.search_radius));
   is_lost_ = found.inlier_ratio < kMinInlierRatio;
   is_known_ = !is_lost_ && contradiction_of(found) <= kWrong;
   if (!is_known_ || found.constraint < kFree) ++here_.stretch;

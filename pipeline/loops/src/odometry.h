@@ -101,8 +101,8 @@ class Odometry {
   std::deque<double> inlier_ratios_;       // of consecutive scans
 };
 
-/// yaw of T [rad]
-double yaw_of(const Eigen::Isometry3d& T);
+/// Yaw of T [rad].
+double heading_of(const Eigen::Isometry3d& T);
 
 template <class Value>
 void push_recent(std::deque<Value>& values, Value value, size_t most) {
