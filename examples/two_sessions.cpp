@@ -1,4 +1,4 @@
-// A second session. Localizes a robot globally in the maps of several floors, replaces the matched
+// A second session. Locates a robot in the maps of several floors, replaces the matched
 // map entry with the new scan, and merges the maps into a new one.
 //   two_sessions MERGED SCAN MAP...      # maps of loop_closure
 // Maps of more than 128 distinct places need the same descriptor projection: call copy_projection()
@@ -25,7 +25,7 @@ void run(int argc, char** argv) {
     size_t floor = 0;
     for (const auto& path : paths) {
       Map& map = floors.emplace_back(path);
-      const Detection found = LoopDetector(map, {}).query(view_of(cloud));
+      const Detection found = LoopDetector(map, {}).locate(view_of(cloud)).front();
       if (!found.loop || (here && found.loop->score <= here->loop->score)) continue;
       here = found;
       floor = floors.size() - 1;

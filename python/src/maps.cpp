@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <mutex>
 #include <variant>
 
 #include "map_store.h"
@@ -34,7 +35,23 @@ struct Warnings {
 struct PythonMap : Warnings, Map {
   PythonMap(const auto& source, const MapOptions& options, auto&&... store)
       : Map(source, options, std::forward<decltype(store)>(store)..., warn()) {}
+
+  std::vector<Detection> locate(const PointsView& points) {
+    const std::scoped_lock one(locating_);
+    if (!locator_) locator_.emplace(*this, LoopDetectorOptions{.warn = warn()});
+    return locator_->locate(points);
+  }
+
+ private:
+  std::mutex locating_;
+  std::optional<LoopDetector> locator_;
 };
+
+constexpr const char* kLocateDoc =
+    "Where in the map a single scan of unknown pose was taken, as a list of Detection: the best "
+    "place and, if it is not accepted, up to two others. Nothing is added. The pose in "
+    "the world of the map is loop.pose @ registered.T_place_query. points: in the sensor's frame "
+    "[m].";
 
 void bind_records(nb::module_& module) {
   nb::class_<Description>(module, "Description", "The feature of a scan.")
@@ -136,6 +153,13 @@ void bind_map(nb::module_& module) {
           nb::call_guard<Unlocked>(), "scan"_a, "exclude"_a = std::vector<int64_t>(),
           "Returns the best entry. `exclude`: indices of entries to skip, e.g. temporal neighbors "
           "of the scan. None if no entry is left or the scan was not described.")
+      .def(
+          "locate",
+          [](PythonMap& self, PointsArgument points) {
+            const GivenPoints given(points);
+            return without_lock([&] { return self.locate(given.view()); });
+          },
+          "points"_a, kLocateDoc)
       .def(
           "add",
           [](PythonMap& self, const Description& scan, const std::string& drive, int64_t frame,
@@ -294,14 +318,12 @@ void bind_loop_detector(nb::module_& module) {
           "T_world_sensor, float64 [4][4].\n"
           "Raises UsageError if the exclusion needs a time that is not given.")
       .def(
-          "query",
+          "locate",
           [](PythonDetector& self, PointsArgument points) {
             const GivenPoints given(points);
-            return without_lock([&] { return self.query(given.view()); });
+            return without_lock([&] { return self.locate(given.view()); });
           },
-          "points"_a,
-          "Compares a scan with all entries and does not add it. points: in the sensor's frame "
-          "[m].")
+          "points"_a, kLocateDoc)
       .def_prop_ro(
           "map", [](const PythonDetector& self) { return nb::cast<PythonMap*>(self.owner); },
           nb::rv_policy::reference_internal)

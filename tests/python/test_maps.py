@@ -153,9 +153,10 @@ class Maps(FolderTest):
             self.assertEqual((detector.drive, detector.map.sensor != ''), (session, True))
         self.assertEqual([(each.loop.drive, each.loop.frame) for each in found], [('monday', seed) for seed in PLACES])
         self.assertTrue(all(each.accepted for each in found))
-        queried = detector.query(room(3, turn=0.5))
-        self.assertTrue(queried.accepted)
-        self.assertEqual((queried.index, len(detector.map)), (None, 2 * len(PLACES)))
+        for place in (detector, detector.map):
+            queried = place.locate(room(3, turn=0.5))[0]
+            self.assertIn(queried.rejection, ('', 'ambiguous'))  # two sessions without poses
+            self.assertEqual((queried.index, queried.loop.frame, len(detector.map)), (None, 3, 2 * len(PLACES)))
         map_ = detector.map
         del detector, found, queried
         self.assertEqual(len(map_), 2 * len(PLACES))

@@ -18,11 +18,11 @@ const std::vector<Need>& needs() {
     std::vector<Need> needs = {
         {"eval DATA --feature fabmap --descriptors OUT/described", "OpenCV", "--feature fabmap"},
         {"loops DATA --feature m2dp --candidates 10 -o OUT/loops.csv", "FAISS", "--candidates"},
-        {"map query OUT/a.map DATA --feature m2dp --candidates 10", "FAISS", "--candidates"},
+        {"locate OUT/a.map DATA --feature m2dp --candidates 10", "FAISS", "--candidates"},
         {"loops DATA --map SERVER -o OUT/loops.csv", "libpq", "--map"},
         {"loops DATA --map OUT/town.map --projection-from SERVER", "libpq", "--projection-from"},
         {"map build DATA --map SERVER", "libpq", "--map"},
-        {"map query SERVER scan.bin", "libpq", "map query"},
+        {"locate SERVER scan.bin", "libpq", "locate"},
         {"map info SERVER", "libpq", "map info"},
         {"map merge OUT/a.map SERVER -o OUT/both.map", "libpq", "map merge"},
         {"map merge OUT/a.map OUT/b.map -o SERVER", "libpq", "--output"}};

@@ -91,8 +91,8 @@ TEST_F(Bash, CompletesPathsWhereOneIsMeant) {
   EXPECT_EQ(offered("revisit loops --map a"), (Words{"a folder", "a.map"}));
   EXPECT_EQ(offered("revisit loops --map=a."), Words{"a.map"});
   EXPECT_EQ(offered("revisit eval --cache a"), Words{"a folder"});
-  EXPECT_EQ(offered("revisit map query a."), Words{"a.map"});
-  EXPECT_EQ(offered("revisit map query a.map x y a."), Words{"a.map"});
+  EXPECT_EQ(offered("revisit locate a."), Words{"a.map"});
+  EXPECT_EQ(offered("revisit locate a.map x y a."), Words{"a.map"});
   EXPECT_EQ(offered("revisit eval --pca a"), (Words{"a folder", "all"}));
   EXPECT_EQ(offered("revisit eval --threads a"), Words{});
   EXPECT_EQ(offered("revisit simulate -o a"), Words{"a folder"});

@@ -129,10 +129,10 @@ TEST_F(Loops, RejectMapsOfOtherLocalMaps) {
   EXPECT_HAS(first, "sensor: hdl64 (of local maps)");
   expect_exit(3, {"local map: the map has '10 m', this program none"},
               loops("--sensor hdl64" + map));
-  const auto query = test::run_revisit("map query " + path("local.map") + " " +
+  const auto query = test::run_revisit("locate " + path("local.map") + " " +
                                        path("town1/sequences/00/velodyne/000000.bin"));
   EXPECT_EQ(query.exit_code, 0);
-  EXPECT_HAS(query.err, "local.map: has local maps of 10 m; query it with accumulated clouds");
+  EXPECT_HAS(query.err, "local.map: has local maps of 10 m; give accumulated clouds");
   EXPECT_EQ(lines(query.out).size(), 2);
 }
 
@@ -147,15 +147,31 @@ TEST_F(Loops, OfMergedMaps) {
   EXPECT_EQ(entries("both.map"), entries("one.map") + entries("two.map"));
   const std::string scan = "/sequences/00/velodyne/000024.bin";
   const std::vector<std::string> found =
-      lines(run("map query " + path("both.map") + " --sensor vlp16 --threshold 0.5 -q " +
+      lines(run("locate " + path("both.map") + " --sensor vlp16 --threshold 0.5 -q " +
                 path("town2") + scan + " " + path("town1") + scan));
   ASSERT_EQ(found.size(), 3);
   EXPECT_TRUE(found[1].starts_with("0,,2,24,")) << found[1];
   EXPECT_TRUE(found[2].starts_with("1,,00,24,")) << found[2];
-  const std::vector<std::string> of_folder = lines(
-      run("map query " + path("both.map") + " --sensor vlp16 -q --every 24 " + path("town2")));
-  ASSERT_GT(of_folder.size(), 3);
-  EXPECT_HAS(of_folder[2], ",2,24,");
+  EXPECT_HAS(run("locate " + path("both.map") + " --sensor vlp16 -q --every 24 " + path("town2")),
+             ",2,24,");
+}
+
+/// Of a map of another drive through the town, whose poses have the same world.
+TEST_F(Loops, LocateScansInTheWorldOfTheMap) {
+  run("map build " + path("town1") + " --map " + path("there.map") + " --warmup 30 -q");
+  const std::string before = read_file(path("there.map"));
+  std::string scans;
+  for (int frame = 108; frame < 228; frame += 12)
+    scans += str(" ", path("town1/sequences/00/velodyne/000"), frame, ".bin");
+  const std::vector<std::string> found =
+      lines(run("locate " + path("there.map") + " -q --format jsonl" + scans));
+  ASSERT_EQ(found.size(), 10) << "none fits another place";
+  for (const std::string& line : found) {
+    EXPECT_HAS(line, "\"accepted\":true");
+    EXPECT_HAS(line, "\"pose\":{");
+    EXPECT_HAS(line, "\"covariance\":[");
+  }
+  EXPECT_EQ(read_file(path("there.map")), before) << "nothing is written";
 }
 
 TEST_F(Loops, MapsKeepTheirDtype) {
@@ -451,8 +467,8 @@ TEST_F(Loops, RejectInvalidOptions) {
   fails("map build " + path("town1"), 2, "--map");
   fails(loops("-o /nowhere/x.csv"), 1, "/nowhere/x.csv");
   fails("loops /nowhere", 3, "/nowhere");
-  fails("map query x.map /nowhere.bin", 3, "/nowhere.bin: cannot open");
-  fails("map query x.map x.bin --threshold 1 --target-precision 0.9", 2, "one of the two");
+  fails("locate x.map /nowhere.bin", 3, "/nowhere.bin: cannot open");
+  fails("locate x.map x.bin --threshold 1 --target-precision 0.9", 2, "one of the two");
   fails("map info /nowhere.map", 3, "/nowhere.map");
 }
 

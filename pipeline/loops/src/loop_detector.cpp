@@ -96,7 +96,7 @@ struct LoopDetector::Impl {
   Impl(std::unique_ptr<Map> own, Map& used, const LoopDetectorOptions& chosen);
 
   Detection take(const PointsView& points, const ScanStamp& stamp);
-  Detection query(const PointsView& points);
+  std::vector<Detection> locate(const PointsView& points);
   Description describe(const PointsView& points);
   PointCloud mounted(const PointsView& points) const;
   PointsView accumulated(const PointsView& scan, const ScanStamp& stamp);
@@ -104,7 +104,7 @@ struct LoopDetector::Impl {
   std::optional<int64_t> resume(const Description& scan, const PointsView& points,
                                 const ScanStamp& stamp);
   void exclude_drive(const ScanStamp& stamp, std::vector<int64_t>& excluded);
-  void match(const Description& scan, const SeenScan& seen, bool drives, Detection& found);
+  void match(const Description& scan, const SeenScan& seen, Detection& found);
   void store(const Description& scan, const SeenScan& seen, const ScanStamp& stamp,
              Detection& found);
 
@@ -166,19 +166,22 @@ Detection LoopDetector::Impl::take(const PointsView& given, const ScanStamp& sta
   found.excluded = temporal_neighbors(stamp);
   found.index = resume(description, points, stamp);
   exclude_drive(stamp, found.excluded);
-  match(description, seen, true, found);
+  match(description, seen, found);
   store(description, seen, stamp, found);
   return found;
 }
 
-Detection LoopDetector::Impl::query(const PointsView& points) {
-  Detection found;
+std::vector<Detection> LoopDetector::Impl::locate(const PointsView& points) {
   const Description description = describe(points);
-  found.error = description.error;
-  if (!description.described()) return found;
-  match(description, {verifies ? mounted(points) : PointCloud(), options.registration}, false,
-        found);
-  return found;
+  if (!description.described()) return {{.error = description.error}};
+  const std::optional<Loop> first = map.query(description);
+  if (!first) return {Detection()};
+  if (verifies)
+    return verification.locate(description, {mounted(points), options.registration}, *first);
+  Detection found{.loop = first};
+  found.rejection = acceptance.decide(*found.loop);
+  found.accepted = found.rejection.empty();
+  return {found};
 }
 
 /// The first scan may tell the sensor; the map may get another calibration.
@@ -253,12 +256,11 @@ void LoopDetector::Impl::exclude_drive(const ScanStamp& stamp, std::vector<int64
   }
 }
 
-void LoopDetector::Impl::match(const Description& scan, const SeenScan& seen, bool drives,
-                               Detection& found) {
+void LoopDetector::Impl::match(const Description& scan, const SeenScan& seen, Detection& found) {
   found.loop = map.query(scan, found.excluded);
   if (!found.loop) return;
   if (verifies)
-    verification.verify(scan, seen, drives, found);
+    verification.verify(scan, seen, found);
   else
     found.rejection = acceptance.decide(*found.loop);
   found.accepted = found.rejection.empty();
@@ -317,8 +319,8 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
   return impl_->take(points, scan);
 }
 
-Detection LoopDetector::query(const PointsView& points) {
-  return impl_->query(points);
+std::vector<Detection> LoopDetector::locate(const PointsView& points) {
+  return impl_->locate(points);
 }
 
 Map& LoopDetector::map() const {

@@ -42,41 +42,43 @@ void Verification::arrive(const Description& scan, const SeenScan& seen, const S
                   needs_yaw ? map_.compare(scan, *before).relative_yaw : std::nullopt, step);
 }
 
-double Verification::score_of(const Loop& loop, double scale, double contradiction) const {
+double Verification::score_of(const Loop& loop, const DriveHistory& history, double scale,
+                              double contradiction) {
   // Indoors, places that look alike differ by less: the similarity counts less.
   constexpr double kSimilarity = 0.1, kMargin = 0.05;
   const double margin = loop.similarity - loop.kth_similarity;
-  return (kSimilarity * loop.similarity + kMargin * margin) * scale * scale +
-         history_.level(scale) - contradiction;
+  return (kSimilarity * loop.similarity + kMargin * margin) * scale * scale + history.level(scale) -
+         contradiction;
 }
 
 Verification::Candidate Verification::candidate_of(const Loop& loop, const SeenScan& query,
-                                                   bool drives) const {
+                                                   const DriveHistory& history) const {
   constexpr double kMinSimilarity = 0.25;
   Candidate candidate{.loop = loop};
-  candidate.loop.score = unknown_score(loop);
+  candidate.loop.score = unknown_score(loop, history);
   const std::string judged =
-      loop.similarity < kMinSimilarity ? "similarity" : register_entry(query, drives, candidate);
+      loop.similarity < kMinSimilarity ? "similarity" : register_entry(query, history, candidate);
   candidate.rejection = acceptance_.decide(candidate.loop);
   if (!judged.empty()) candidate.rejection = judged;
   if (candidate.rejection == "score" && acceptance_.threshold())
     candidate.rejection = "contradicted";
   candidate.fits = candidate.rejection.empty();
-  if (candidate.fits && drives) {
-    const std::string objection = history_.objection(*candidate.place, candidate.T_place_query);
-    if (!objection.empty()) reject(candidate, objection);
+  if (candidate.fits) {
+    const std::string objection = history.objection(*candidate.place, candidate.T_place_query);
+    if (!objection.empty()) reject(candidate, history, objection);
   }
   return candidate;
 }
 
 /// The score of loops that are not judged.
-double Verification::unknown_score(const Loop& loop) const {
-  return score_of(loop, history_.scale(), 0.5);
+double Verification::unknown_score(const Loop& loop, const DriveHistory& history) {
+  return score_of(loop, history, history.scale(), 0.5);
 }
 
 /// For a reason that the score does not know.
-void Verification::reject(Candidate& candidate, const std::string& why) const {
-  candidate.loop.score = unknown_score(candidate.loop);
+void Verification::reject(Candidate& candidate, const DriveHistory& history,
+                          const std::string& why) const {
+  candidate.loop.score = unknown_score(candidate.loop, history);
   acceptance_.decide(candidate.loop);  // sets the probability
   candidate.rejection = why;
 }
@@ -105,7 +107,7 @@ std::optional<Verification::PreparedEntry> Verification::prepared_entry(int64_t 
 }
 
 /// Returns the rejection, "" if only the score decides.
-std::string Verification::register_entry(const SeenScan& query, bool drives,
+std::string Verification::register_entry(const SeenScan& query, const DriveHistory& history,
                                          Candidate& candidate) const {
   const Loop& loop = candidate.loop;
   const std::optional<PreparedEntry> stored = prepared_entry(loop.id);
@@ -119,9 +121,10 @@ std::string Verification::register_entry(const SeenScan& query, bool drives,
   if (found.inlier_ratio < options_.registration.min_inlier_ratio) return "registration";
   std::optional<Eigen::Isometry3d> pose;
   if (loop.pose && options_.odometry_gate) pose = *loop.pose * mount.inverse();
+  const bool drives = &history == &history_;
   candidate.place.emplace(
-      CandidatePlace{loop.index, loop.drive, pose, place, pose ? path_of(loop) : 0});
-  return judge(query, drives, candidate);
+      CandidatePlace{loop.index, loop.drive, pose, place, pose && drives ? path_of(loop) : 0});
+  return judge(query, history, candidate);
 }
 
 /// Path of its drive to an entry of another drive [m], by poses.
@@ -143,19 +146,19 @@ double Verification::path_of(const Loop& loop) const {
 
 /// Sets the score by free space, unless there are reasons against the loop. Returns as
 /// register_entry().
-std::string Verification::judge(const SeenScan& query, bool drives, Candidate& candidate) const {
+std::string Verification::judge(const SeenScan& query, const DriveHistory& history,
+                                Candidate& candidate) const {
   const CandidatePlace& place = *candidate.place;
   const Eigen::Isometry3d& T = candidate.T_place_query;
-  if (drives && history_.is_of_drive(place.index) && history_.is_refuted(place, T))
-    return "odometry";
+  if (history.is_of_drive(place.index) && history.is_refuted(place, T)) return "odometry";
   const double scale = (query.space().scale() + place.scan.space().scale()) / 2;
-  const double score =
-      score_of(candidate.loop, scale, mutual_contradiction(query.space(), place.scan.space(), T));
-  const bool is_hidden = history_.is_hidden(query, place.scan);
+  const double score = score_of(candidate.loop, history, scale,
+                                mutual_contradiction(query.space(), place.scan.space(), T));
+  const bool is_hidden = history.is_hidden(query, place.scan);
   const double threshold = acceptance_.threshold().value_or(std::numeric_limits<double>::max());
   const bool is_free = candidate.registered->constraint < options_.registration.min_constraint;
-  const bool is_confirmed = drives && (is_hidden || is_free || score < threshold) &&
-                            score >= threshold - kConfirmed * scale && history_.confirms(place, T);
+  const bool is_confirmed = (is_hidden || is_free || score < threshold) &&
+                            score >= threshold - kConfirmed * scale && history.confirms(place, T);
   if (is_free && !is_confirmed) {
     candidate.place.reset();
     return "registration";
@@ -195,10 +198,41 @@ std::optional<Loop> Verification::followed(const Description& scan,
   return loop;
 }
 
-/// The scan fits another part of the self-similar stretch as well.
+/// Registers the most similar entries of several places, beginning with `first`. For a scan without
+/// a drive one clear place does not suffice, because nothing else tells whether another is alike.
+std::vector<Verification::Candidate> Verification::try_places(const Description& scan,
+                                                              const SeenScan& seen,
+                                                              const std::optional<Loop>& first,
+                                                              std::vector<int64_t> excluded,
+                                                              const DriveHistory& history) const {
+  constexpr int kMost = 3, kMostAlone = 6;
+  constexpr double kClear = 0.3;  // inlier ratio of an accepted loop that no other could beat
+  const bool drives = &history == &history_;
+  std::vector<Candidate> tried;
+  for (std::optional<Loop> next = first; next; next = map_.query(scan, excluded)) {
+    tried.push_back(candidate_of(*next, seen, history));
+    const Candidate& candidate = tried.back();
+    const bool is_clear = drives && candidate.rejection.empty() && !candidate.loop.ambiguous &&
+                          candidate.registered->inlier_ratio >= kClear;
+    if (is_clear || candidate.rejection == "similarity" ||
+        std::ssize(tried) == (drives ? kMost : kMostAlone))
+      break;
+    std::ranges::copy(same_place(*next), std::back_inserter(excluded));
+  }
+  return tried;
+}
+
+bool Verification::is_better(const Candidate& one, const Candidate& other) {
+  const auto rank = [](const Candidate& candidate) {
+    return std::tuple(candidate.rejection.empty(), candidate.place.has_value(),
+                      candidate.rejection != "similarity", candidate.loop.score);
+  };
+  return rank(one) > rank(other);
+}
+
+/// The scan fits another part of the map as well.
 bool Verification::is_ambiguous(const Candidate& candidate,
                                 const std::vector<Candidate>& tried) const {
-  if (!candidate.loop.ambiguous) return false;
   const double least = *acceptance_.threshold() - kConfirmed * history_.scale();
   return std::ranges::any_of(tried, [&](const Candidate& other) {
     return other.place && other.loop.score >= least &&
@@ -207,41 +241,61 @@ bool Verification::is_ambiguous(const Candidate& candidate,
   });
 }
 
-void Verification::verify(const Description& scan, const SeenScan& seen, bool drives,
-                          Detection& found) {
-  constexpr int kMost = 3;
-  constexpr double kClear = 0.3;  // inlier ratio of an accepted loop that no other could beat
-  const auto rank = [](const Candidate& one) {
-    return std::tuple(one.rejection.empty(), one.place.has_value(), one.rejection != "similarity",
-                      one.loop.score);
-  };
-  std::vector<int64_t> excluded = found.excluded;
-  std::vector<Candidate> tried;
-  for (std::optional<Loop> next = found.loop; next; next = map_.query(scan, excluded)) {
-    tried.push_back(candidate_of(*next, seen, drives));
-    const Candidate& candidate = tried.back();
-    const bool is_clear = candidate.rejection.empty() && !candidate.loop.ambiguous &&
-                          candidate.registered->inlier_ratio >= kClear;
-    if (is_clear || candidate.rejection == "similarity" || std::ssize(tried) == kMost) break;
-    std::ranges::copy(same_place(*next), std::back_inserter(excluded));
-  }
-  if (drives &&
-      std::ranges::none_of(tried, [](const auto& one) { return one.rejection.empty(); })) {
+void Verification::verify(const Description& scan, const SeenScan& seen, Detection& found) {
+  std::vector<Candidate> tried = try_places(scan, seen, found.loop, found.excluded, history_);
+  if (std::ranges::none_of(tried, [](const auto& one) { return one.rejection.empty(); })) {
     std::vector<int64_t> without = found.excluded;
     for (const Candidate& one : tried) without.push_back(one.loop.index);
     if (const auto loop = followed(scan, without))
-      tried.push_back(candidate_of(*loop, seen, drives));
+      tried.push_back(candidate_of(*loop, seen, history_));
   }
-  Candidate best = std::ranges::max(tried, {}, rank);
-  if (best.rejection.empty() && is_ambiguous(best, tried)) {
-    reject(best, "ambiguous");
+  Candidate best = *std::ranges::min_element(tried, is_better);
+  if (best.rejection.empty() && best.loop.ambiguous && is_ambiguous(best, tried)) {
+    reject(best, history_, "ambiguous");
     best.fits = false;
   }
   found.loop = best.loop;
   found.registered = best.registered;
   found.rejection = best.rejection;
-  if (drives && best.fits)
+  if (best.fits)
     found.questioned = history_.take_loop(*best.place, best.T_place_query, found.rejection.empty());
+}
+
+/// By the poses of the entries if they give the same pose, else by are_one().
+bool Verification::are_one(const Candidate& one, const Candidate& other) const {
+  constexpr double kNear = 1;  // [m]
+  const auto &a = *one.place, &b = *other.place;
+  const bool agree =
+      a.pose && b.pose &&
+      ((*a.pose * one.T_place_query).translation() - (*b.pose * other.T_place_query).translation())
+              .norm() < kNear;
+  return agree || history_.are_one(a, one.T_place_query, b, other.T_place_query);
+}
+
+std::vector<Detection> Verification::locate(const Description& scan, const SeenScan& seen,
+                                            const Loop& first) const {
+  constexpr size_t kMost = 3;
+  std::vector<Candidate> places = try_places(scan, seen, first, {}, alone_);
+  std::ranges::stable_sort(places, is_better);
+  const Candidate best = places.front();
+  places.erase(places.begin());
+  std::erase_if(places, [&](const Candidate& other) {
+    return !other.place || (best.place && are_one(best, other));
+  });
+  const auto is_accepted = [](const Candidate& one) { return one.rejection.empty(); };
+  const bool fits_others = std::ranges::any_of(places, is_accepted);
+  places.insert(places.begin(), best);
+  if (is_accepted(best) && (fits_others || (best.loop.ambiguous && is_ambiguous(best, places))))
+    for (Candidate& one : places)
+      if (is_accepted(one)) reject(one, alone_, "ambiguous");
+  places.resize(std::min(places.size(), is_accepted(places.front()) ? 1 : kMost));
+  std::vector<Detection> result;
+  for (const Candidate& one : places)
+    result.push_back({.loop = one.loop,
+                      .registered = one.registered,
+                      .accepted = is_accepted(one),
+                      .rejection = one.rejection});
+  return result;
 }
 
 }  // namespace revisit

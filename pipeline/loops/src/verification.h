@@ -22,7 +22,8 @@ class Verification {
       : map_(map),
         options_(options),
         acceptance_(acceptance),
-        history_(options.registration, options.odometry_gate.value_or(OdometryGate())) {}
+        history_(options.registration, options.odometry_gate.value_or(OdometryGate())),
+        alone_(options.registration, OdometryGate()) {}
 
   /// The drive's next scan. `step`: Odometry::arrive().
   void arrive(const Description& scan, const SeenScan& seen, const ScanStamp& stamp,
@@ -30,9 +31,12 @@ class Verification {
   const Odometry& odometry() const { return history_; }
   /// The scan of the last arrive() is the entry at `index`.
   void add(int64_t index, const SeenScan& seen) { history_.add(index, seen); }
-  /// Chooses among the entry of `found` and up to two other places. `drives`: the scan is that of
-  /// the last arrive().
-  void verify(const Description& scan, const SeenScan& seen, bool drives, Detection& found);
+  /// Chooses among the entry of `found` and up to two other places. The scan is that of the last
+  /// arrive().
+  void verify(const Description& scan, const SeenScan& seen, Detection& found);
+  /// Up to three places of a scan without a drive, the best one first.
+  std::vector<Detection> locate(const Description& scan, const SeenScan& seen,
+                                const Loop& first) const;
   /// That of a recent scan (scene_scale()).
   double scale() const { return history_.scale(); }
 
@@ -52,22 +56,31 @@ class Verification {
     SeenScan scan;
   };
 
-  double score_of(const Loop& loop, double scale, double contradiction) const;
+  static double score_of(const Loop& loop, const DriveHistory& history, double scale,
+                         double contradiction);
+  static double unknown_score(const Loop& loop, const DriveHistory& history);
+  static bool is_better(const Candidate& one, const Candidate& other);
+  std::vector<Candidate> try_places(const Description& scan, const SeenScan& seen,
+                                    const std::optional<Loop>& first, std::vector<int64_t> excluded,
+                                    const DriveHistory& history) const;
+  bool are_one(const Candidate& one, const Candidate& other) const;
   std::vector<int64_t> same_place(const Loop& loop) const;
   std::optional<Loop> followed(const Description& scan, const std::vector<int64_t>& excluded) const;
   bool is_ambiguous(const Candidate& candidate, const std::vector<Candidate>& tried) const;
-  double unknown_score(const Loop& loop) const;
-  void reject(Candidate& candidate, const std::string& why) const;
-  Candidate candidate_of(const Loop& loop, const SeenScan& query, bool drives) const;
+  void reject(Candidate& candidate, const DriveHistory& history, const std::string& why) const;
+  Candidate candidate_of(const Loop& loop, const SeenScan& query,
+                         const DriveHistory& history) const;
   std::optional<PreparedEntry> prepared_entry(int64_t id) const;
-  std::string register_entry(const SeenScan& query, bool drives, Candidate& candidate) const;
-  std::string judge(const SeenScan& query, bool drives, Candidate& candidate) const;
+  std::string register_entry(const SeenScan& query, const DriveHistory& history,
+                             Candidate& candidate) const;
+  std::string judge(const SeenScan& query, const DriveHistory& history, Candidate& candidate) const;
   double path_of(const Loop& loop) const;
 
   const Map& map_;
   const LoopDetectorOptions& options_;
   const Acceptance& acceptance_;
   DriveHistory history_;
+  const DriveHistory alone_;           // of a scan without a drive
   mutable std::set<int64_t> corrupt_;  // ids of entries whose points were reported
   mutable std::map<std::string, std::map<int64_t, double>> paths_;  // drive -> index -> path [m]
   mutable std::deque<PreparedEntry> recent_;                        // the last one first

@@ -238,7 +238,7 @@ TEST(LoopDetector, AcceptsByTheCalibrationOfTheFeature) {
     const auto n = static_cast<double>(entries);
     int accepted = 0;
     for (double angle = 0; angle < 2; angle += 0.05) {  // at entries and between them
-      const Detection found = on.detector.query(view_of(room(angle)));
+      const Detection found = on.detector.locate(view_of(room(angle))).front();
       // With 10 distinct entries, the next one is new with a probability of 0.09.
       EXPECT_EQ(found.accepted, entries == 25 && found.loop->score >= 1.1);
       EXPECT_EQ(found.rejection, found.accepted ? "" : "score");
@@ -254,7 +254,7 @@ TEST(LoopDetector, AcceptsByTheCalibrationOfTheFeature) {
     LoopDetector& detector = uncalibrated.detector;
     add_circle(uncalibrated.map, 25);
     EXPECT_FALSE(detector.threshold() || detector.calibration());
-    const Detection found = detector.query(view_of(room(1)));
+    const Detection found = detector.locate(view_of(room(1))).front();
     EXPECT_FALSE(found.accepted || found.loop->probability);
     expect_error<UsageError>([&] { detector.calibrate(*calibrated().calibration); }, {"k = 4"});
   }
@@ -302,7 +302,7 @@ TEST(LoopDetector, PrefersTheCalibrationOfTheMap) {
     EXPECT_EQ(threshold({.threshold = 0.1}), 0.1);
     EXPECT_EQ(threshold({.target_precision = 0.7}), 0.2);
     EXPECT_EQ(threshold({.target_precision = 0.9999}), std::nullopt);
-    following.query(view_of(room(1)));
+    following.locate(view_of(room(1)));
     EXPECT_EQ(following.calibration(), own) << "of another process";
   }
 }
@@ -335,7 +335,7 @@ TEST(LoopDetector, IgnoresUnusableCalibrationsOfAMap) {
     LoopDetector detector(reader, {.verify = verify, .warn = into(warnings)});
     for (int i = 0; i < 3; ++i) {
       add_circle(map, i + 1);
-      detector.query(view_of(room(1)));
+      detector.locate(view_of(room(1)));
     }
     EXPECT_EQ(detector.calibration(), verify ? verified_calibration() : *calibrated().calibration);
     ASSERT_EQ(warnings.size(), 1);
@@ -343,7 +343,7 @@ TEST(LoopDetector, IgnoresUnusableCalibrationsOfAMap) {
     EXPECT_HAS(warnings[0], "ignored; calibrate the map again");
     const Calibration own = some_calibration(1.3, detector.score());
     LoopDetector(map, {.verify = verify, .warn = into(warnings)}).calibrate(own);
-    detector.query(view_of(room(1)));
+    detector.locate(view_of(room(1)));
     EXPECT_EQ(detector.threshold(), 1.3);
   }
 }
@@ -357,25 +357,29 @@ TEST(LoopDetector, AcceptsNoAmbiguousLoops) {
   for (const bool verify : {true, false})
     for (const bool in_tunnel : {true, false}) {
       LoopDetector detector(on.map, {.verify = verify, .threshold = -9});
-      const Detection found = detector.query(view_of(room(in_tunnel ? 0 : 1.5)));
+      const Detection found = detector.locate(view_of(room(in_tunnel ? 0 : 1.5))).front();
       ASSERT_TRUE(found.loop);
       EXPECT_FALSE(found.loop->ambiguous && found.accepted);
-      if (verify && in_tunnel) continue;  // registration looks for other places
+      if (verify) continue;  // registration looks for other places
       EXPECT_EQ(found.loop->ambiguous, in_tunnel);
       EXPECT_EQ(found.rejection, in_tunnel ? "ambiguous" : "");
       EXPECT_EQ(found.accepted, !in_tunnel);
     }
 }
 
-TEST(LoopDetector, QueryAddsNothing) {
+TEST(LoopDetector, LocatesWithoutAdding) {
   OnMap on({.threshold = 0});
-  EXPECT_FALSE(on.detector.query(view_of(room(1))).loop);
-  EXPECT_EQ(on.detector.query({}).error, "the scan has no points");
+  EXPECT_FALSE(on.detector.locate(view_of(room(1))).front().loop);
+  EXPECT_EQ(on.detector.locate({}).front().error, "the scan has no points");
   for (const double angle : {1, 2, 3}) match_of(on.detector, angle);
-  const Detection found = on.detector.query(view_of(room(2)));
+  const std::vector<Detection> places = on.detector.locate(view_of(room(2)));
+  ASSERT_EQ(places.size(), 1) << "the others do not fit";
+  const Detection& found = places.front();
   ASSERT_TRUE(found.accepted && found.registered && !found.index) << found.rejection;
   EXPECT_EQ(found.loop->index, 1) << "without exclusion";
   EXPECT_EQ(on.map.size(), 3);
+  match_of(on.detector, 2);
+  EXPECT_TRUE(on.detector.locate(view_of(room(2))).front().accepted) << "two entries, one place";
 }
 
 TEST(LoopDetector, FindsLoopsInAMapByPath) {

@@ -77,6 +77,7 @@ Command net_command();
 Command train_command();
 Command calibrate_command();
 Command loops_command();
+Command locate_command();
 Command map_command();
 Command map_build_command();
 Command map_export_command();

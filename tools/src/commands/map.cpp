@@ -7,10 +7,6 @@
 #include "cli/built_in.h"
 #include "cli/command.h"
 #include "cli/terminal.h"
-#include "loops/loop_writer.h"
-#include "loops/map_source.h"
-#include "loops/recording.h"
-#include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/registration/registration.h"
 
@@ -154,85 +150,6 @@ Command merge() {
           "over with `revisit loops --projection-from`.",
           "  revisit map merge monday.map tuesday.map -o week.map\n",
           with_options<MergeOptions>(merge_all)};
-}
-
-struct QueryOptions {
-  FeatureOptions feature;
-  fs::path map;
-  std::vector<fs::path> scans;
-  std::optional<double> threshold;
-  double precision = default_target_precision(Score::kDistinctMargin);
-  std::string format = "csv";
-
-  void declare(Options& options) {
-    options.argument("MAP", &map).argument("SCAN", &scans);
-    feature.declare_data(options);
-    feature.declare_describing(options, Scans::kOneByOne);
-    options.group("Query:")
-        .option("threshold", "S",
-                "minimum score of an accepted match (default: from --target-precision)", &threshold)
-        .excludes({"target-precision"})
-        .common()
-        .option("target-precision", "P",
-                str("fraction of accepted matches that are correct, 0 to 1, by the calibration of "
-                    "the map or the ring model (default ",
-                    precision, ")"),
-                &precision)
-        .common()
-        .format({"csv", "jsonl"}, &format)
-        .common();
-  }
-};
-
-int query_scans(QueryOptions& o) {
-  need_built_in_for_map("revisit map query", o.map);
-  Dataset dataset;
-  for (const fs::path& scan : o.scans) {
-    if (std::error_code error; is_recording(scan) || fs::is_directory(scan, error)) {
-      o.feature.data = scan;
-      std::ranges::move(with_sensor_poses(open_scans(o.feature)),
-                        std::back_inserter(dataset.scans));
-      continue;
-    }
-    dataset.scans.emplace_back().file = scan;
-    dataset.scans.back().frame = static_cast<int>(dataset.scans.size()) - 1;
-  }
-  std::erase_if(dataset.scans,
-                [&](const ScanRef& scan) { return scan.frame % o.feature.every != 0; });
-  MapSource source = map_source(o.feature, dataset, o.map);
-  source.options.hnsw_candidates = o.feature.graph_candidates();
-  source.options.local_map = local_map_of(open_map(o.map, MapAccess::kRead)->fingerprint());
-  if (source.options.local_map != 0)
-    warn(str(display_name(o.map), ": has local maps of ", source.options.local_map,
-             " m; query it with accumulated clouds, because a single scan covers less"));
-  const MapFingerprint fingerprint = fingerprint_of(source.extractor, source.options);
-  Map map(source.extractor, source.options, open_map(o.map, MapAccess::kRead, &fingerprint), warn);
-  LoopDetector detector(
-      map,
-      {.verify = false, .threshold = o.threshold, .target_precision = o.precision, .warn = warn});
-  LoopWriter writer(std::cout, o.format);
-  bool skipped = false;
-  for (const ScanRef& scan : dataset.scans) {
-    Visit visit{.scan = scan};
-    visit.found = detector.query(view_of(read_scan(scan)));
-    if (visit.found.loop) {
-      writer.write(line_of(visit, ""));
-      continue;
-    }
-    skipped = true;
-    warn(scan.file.string() + ": " +
-         (visit.found.error.empty() ? "the map is empty" : visit.found.error));
-  }
-  return skipped ? kScansSkipped : kOk;
-}
-
-Command query() {
-  return {"query", "most similar map entry for each scan",
-          "Prints the most similar map entry for each scan. SCAN is a file, or scans in any form "
-          "that `revisit loops` reads from files.",
-          "  revisit map query town.map scan.bin\n"
-          "  revisit map query town.map drive.bag --every 10\n",
-          with_options<QueryOptions>(query_scans)};
 }
 
 constexpr double kSecondsADay = 86400;
@@ -385,11 +302,11 @@ Command remove() {
 
 Command map_command() {
   return {"map",
-          "maps: build, query, merge, export, info, remove",
+          "maps: build, merge, export, info, remove",
           "Maps of `revisit loops --map` and of `revisit map build`.\n",
           "",
           {},
-          {map_build_command(), query(), merge(), map_export_command(), info(), remove()}};
+          {map_build_command(), merge(), map_export_command(), info(), remove()}};
 }
 
 }  // namespace revisit::cli

@@ -54,8 +54,9 @@ Command revisit_program() {
           {},
           {
 #ifdef REVISIT_HAVE_PIPELINE
-              loops_command(), map_command(), eval_command(), report_command(), train_command(),
-              calibrate_command(), simulate_command(), models_command(), doctor_command(),
+              loops_command(), locate_command(), map_command(), eval_command(), report_command(),
+              train_command(), calibrate_command(), simulate_command(), models_command(),
+              doctor_command(),
 #endif
               net_command()}};
 }

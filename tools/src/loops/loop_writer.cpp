@@ -1,6 +1,7 @@
 #include "loop_writer.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <numbers>
 #include <ostream>
 
@@ -45,6 +46,11 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
   const std::string questioned = joined(loop.questioned(), " ");
   for (const std::string& text : {loop.drive(), loop.rejection(), questioned, loop.file()})
     cells.push_back(text);
+  const reports::WorldPose& pose = loop.pose();
+  for (const double value :
+       {pose.x(), pose.y(), pose.z(), pose.qx(), pose.qy(), pose.qz(), pose.qw()})
+    cells.push_back(optional_number(loop.has_pose(), value, kDigits));
+  cells.push_back(joined(r.covariance(), " ", [](double value) { return str(value); }));
   return cells;
 }
 
@@ -52,7 +58,8 @@ Table csv_table() {
   return Table(comma_separated(
       "frame,time,match_drive,match_frame,match_time,similarity,kth_similarity,score,probability,"
       "yaw_deg,accepted,registered,x,y,z,qx,qy,qz,qw,inlier_ratio,mean_squared_distance,here_x,"
-      "here_y,here_z,match_x,match_y,match_z,drive,rejection,questioned,file"));
+      "here_y,here_z,match_x,match_y,match_z,drive,rejection,questioned,file,pose_x,pose_y,pose_z,"
+      "pose_qx,pose_qy,pose_qz,pose_qw,covariance"));
 }
 
 /// Removes the quotes that protobuf puts around 64-bit integers.
@@ -75,6 +82,28 @@ void set_position(const std::optional<Eigen::Isometry3d>& pose, const Message& m
   position.set_x(t.x());
   position.set_y(t.y());
   position.set_z(t.z());
+}
+
+template <class Message>
+void set_pose(const Eigen::Isometry3d& pose, Message& message) {
+  const Eigen::Vector3d t = pose.translation();
+  const Eigen::Quaterniond q(pose.rotation());
+  message.set_x(t.x());
+  message.set_y(t.y());
+  message.set_z(t.z());
+  message.set_qx(q.x());
+  message.set_qy(q.y());
+  message.set_qz(q.z());
+  message.set_qw(q.w());
+}
+
+/// Nothing if a direction is free.
+void set_covariance(const Eigen::Matrix<double, 6, 6>& information, reports::Registered& out) {
+  const Eigen::FullPivLU<Eigen::Matrix<double, 6, 6>> lu(information);
+  if (!lu.isInvertible()) return;
+  const Eigen::Matrix<double, 6, 6> covariance = lu.inverse();
+  for (int i = 0; i < covariance.rows(); ++i)
+    for (int j = i; j < covariance.cols(); ++j) out.add_covariance(covariance(i, j));
 }
 
 }  // namespace
@@ -103,17 +132,12 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
     line.add_questioned(static_cast<int32_t>(frame));
   if (!visit.found.registered) return line;
   const Registration& r = *visit.found.registered;
-  const Eigen::Vector3d t = r.T_place_query.translation();
-  const Eigen::Quaterniond q(r.T_place_query.rotation());
   reports::Registered& out = *line.mutable_registered();
   out.set_fits(r.fits);
-  out.set_x(t.x());
-  out.set_y(t.y());
-  out.set_z(t.z());
-  out.set_qx(q.x());
-  out.set_qy(q.y());
-  out.set_qz(q.z());
-  out.set_qw(q.w());
+  set_pose(r.T_place_query, out);
+  set_covariance(r.information, out);
+  if (visit.found.accepted && loop.pose)
+    set_pose(*loop.pose * r.T_place_query, *line.mutable_pose());
   out.set_inlier_ratio(r.inlier_ratio);
   out.set_mean_squared_distance(r.mean_squared_distance);
   return line;

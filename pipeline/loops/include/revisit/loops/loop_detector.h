@@ -134,9 +134,11 @@ class LoopDetector {
   /// before or the exclusion needs a time that `scan` lacks. Local maps accumulate scans by their
   /// poses, or else by registration of consecutive scans.
   Detection take(const PointsView& points, const ScanStamp& scan);
-  /// Compares a scan with all entries and does not add it. A map of local maps needs the points of
-  /// one, accumulated by the caller.
-  Detection query(const PointsView& points);
+  /// Where in the map a scan of unknown pose was taken: the best place and, if it is not accepted,
+  /// up to two others. If two fit equally well, none is accepted ("ambiguous"). Nothing is added,
+  /// and no scan before counts. A map of local maps needs the points of one, accumulated by the
+  /// caller. At least one element, which has no loop if the map is empty.
+  std::vector<Detection> locate(const PointsView& points);
 
   Map& map() const;
   const std::string& drive() const;
