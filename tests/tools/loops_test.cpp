@@ -174,6 +174,40 @@ TEST_F(Loops, LocateScansInTheWorldOfTheMap) {
   EXPECT_EQ(read_file(path("there.map")), before) << "nothing is written";
 }
 
+/// A room of 30 x 20 m with a pillar, as a cloud far from its origin.
+TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
+  std::ofstream pcd(path("site.pcd"));
+  std::string points;
+  int n = 0;
+  const auto add = [&](double x, double y, double z) {
+    points += str(x + 500, " ", y - 300, " ", z + 20, "\n");
+    ++n;
+  };
+  for (double a = 0; a < 30; a += 0.1)
+    for (double b = 0; b < 20; b += 0.1) {
+      add(a, b, 0);
+      if (b >= 4) continue;
+      add(a, 0, b);
+      add(a, a < 12 ? 20 : 17, b);
+      if (a < 20) add(0, a, b);
+      if (a < 17) add(30, a, b);
+      if (a < 4) add(8 + a, 6, b);
+    }
+  pcd << "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH " << n << "\nHEIGHT 1\nDATA ascii\n"
+      << points;
+  pcd.close();
+  const std::string build =
+      "map build --from-cloud " + path("site.pcd") + " -q --sensor vlp16 --map ";
+  run(build + path("site.map"));
+  const size_t entries = lines(run("map info --entries " + path("site.map"))).size() - 1;
+  EXPECT_GT(entries, 10);
+  EXPECT_LT(entries, 50);
+  write_file(path("way.tum"), "0 506.3 -291.1 21.7 0 0 0 1\n1 506.4 -291.1 21.7 0 0 0 1\n");
+  run(build + path("way.map") + " --poses " + path("way.tum"));
+  EXPECT_HAS(run("map info --entries " + path("way.map")), "506.300,-291.100,21.700");
+  expect_exit(2, {"--from-cloud"}, "map build " + path("site.pcd") + " --map x.map --poses y");
+}
+
 TEST_F(Loops, MapsKeepTheirDtype) {
   const std::string build =
       "map build " + path("town1") + " --every 40 --feature m2dp --map " + path("half.map");

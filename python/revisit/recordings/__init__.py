@@ -7,7 +7,7 @@
 from pathlib import Path
 
 from revisit.errors import InputError, UsageError
-from revisit.recordings import bags, data_sets, folders, kitti_360, nuscenes, packets
+from revisit.recordings import bags, data_sets, folders, kitti_360, las, nuscenes, packets
 from revisit.recordings.recording import Reader, Recording, Scan, with_point_times
 
 __all__ = ['READERS', 'Reader', 'Recording', 'Scan', 'open_recording']
@@ -16,6 +16,7 @@ READERS = [
     Reader('rosbag', bags.detects, bags.open_bag, takes_sequence=True),
     Reader('ouster', packets.detects_ouster, packets.open_ouster),
     Reader('velodyne', packets.detects_velodyne, packets.open_velodyne),
+    Reader('las', las.detects, las.open_las),
     Reader('nuscenes', nuscenes.detects, nuscenes.open_nuscenes, takes_sequence=True),
     Reader('kitti360', kitti_360.detects, kitti_360.open_kitti_360, takes_sequence=True),
     Reader('helipr', data_sets.detects_helipr, data_sets.open_helipr, takes_sequence=True),
@@ -59,4 +60,4 @@ def open_reader(path, sequence):
             if sequence:
                 raise UsageError(f'{path}: sequence {sequence}: not supported for {reader.name} data; remove it')
             return reader.opens(path)
-    raise InputError(f'{path}: unknown format; expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), or a folder')
+    raise InputError(f'{path}: unknown format; expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), a cloud (.las, .laz), or a folder')

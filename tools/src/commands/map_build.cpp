@@ -9,6 +9,7 @@
 #include "cli/terminal.h"
 #include "loops/map_source.h"
 #include "loops/recognize.h"
+#include "loops/virtual_scans.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/loops/loop_detector.h"
 #include "revisit/maps/map_store.h"
@@ -26,11 +27,24 @@ constexpr std::chrono::milliseconds kOthersAtWork{250};
 struct BuildOptions {
   FeatureOptions feature;
   MapArguments map;
+  bool from_cloud = false;
+  std::filesystem::path trajectory;
 
   void declare(Options& options) {
     feature.declare(options, Scans::kStored);
     map.declare(options);
+    options.group("Cloud of a site:")
+        .flag("from-cloud",
+              "DATA is a cloud of a site with z up (.pcd, .ply, .las, .laz): scans of the sensor "
+              "are rendered from its points, 4 m apart on the free floor or along --poses",
+              &from_cloud)
+        .common()
+        .option("poses", "FILE",
+                "trajectory of the sensor in the frame of the cloud (x forward, y left, z up)",
+                &trajectory)
+        .needs("from-cloud");
     options.check([this] {
+      if (from_cloud && feature.image.is_auto()) feature.image.sensor = "hdl64";
       if (map.file.empty()) throw UsageError("missing required option --map FILE");
     });
   }
@@ -162,12 +176,13 @@ class MapBuilder {
 };
 
 int build_all(BuildOptions& o) {
-  const Dataset dataset = open_scans(o.feature);
+  const Dataset dataset =
+      o.from_cloud ? virtual_scans(o.feature, o.trajectory) : open_scans(o.feature);
   MapSource source = map_source(o.feature, dataset, o.map.file, ScansAtOnce::kMany);
   source.options.warmup = o.map.warmup;
   const NewMap new_map(o.map.file);
   Map map(source.extractor, source.options, o.map.open(source), warn);
-  const std::vector<ScanRef> scans = with_sensor_poses(dataset);
+  const std::vector<ScanRef> scans = o.from_cloud ? dataset.scans : with_sensor_poses(dataset);
   const std::string name = o.map.drive_of(dataset), drive = drive_of_recording(scans, map, name);
   if (drive != name && !o.feature.quiet)
     note(str("the map has another recording '", name, "'; this one is stored as '", drive, "'"));
@@ -191,6 +206,7 @@ Command map_build_command() {
           "others take over the claims of a process that ends. If interrupted, run the same "
           "command again to resume.",
           "  revisit map build town --map town.map\n"
+          "  revisit map build --from-cloud site.pcd --map site.map --sensor vlp16\n"
           "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n",
           with_options<BuildOptions>(build_all)};
 }

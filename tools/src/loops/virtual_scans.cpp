@@ -1,0 +1,325 @@
+#include "loops/virtual_scans.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <numbers>
+#include <optional>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+#include "cli/terminal.h"
+#include "loops/recording.h"
+#include "revisit/base/error.h"
+#include "revisit/datasets/scan_file.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+using Cell = std::pair<int, int>;
+
+constexpr double kVoxel = 0.15;        // [m]
+constexpr double kBlock = 20;          // edge of the blocks of points [m]
+constexpr double kSensorHeight = 1.7;  // above the floor [m]
+constexpr int kGrid = 4;               // spacing of poses [m]
+
+int block_of(double x) {
+  return static_cast<int>(std::floor(x / kBlock));
+}
+
+/// One point per voxel, relative to `origin`, in blocks.
+struct Site {
+  std::optional<Eigen::Vector3d> origin;
+  std::map<Cell, std::vector<Eigen::Vector3f>> blocks;
+};
+
+/// Averages the points of each voxel as they come.
+class SiteVoxels {
+ public:
+  void add(const PointCloud& cloud, const Eigen::Isometry3d& T_world_cloud) {
+    for (const Point& p : cloud.points) {
+      const Eigen::Vector3d at = T_world_cloud * Eigen::Vector3d(p.x, p.y, p.z);
+      if (!at.allFinite()) continue;
+      if (!origin_) origin_ = at;
+      const Eigen::Vector3d relative = at - *origin_;
+      constexpr double kFarthest = 1e5;  // of a key [m]
+      if (relative.cwiseAbs().maxCoeff() > kFarthest) continue;
+      uint64_t key = 0;
+      constexpr int kBits = 21;
+      for (const double x : relative)
+        key = key << kBits | (static_cast<uint64_t>(static_cast<int64_t>(std::floor(x / kVoxel))) &
+                              ((1U << kBits) - 1));
+      auto& [sum, n] = voxels_[key];
+      sum = n == 0
+                ? relative.cast<float>()
+                : Eigen::Vector3f(sum + (relative.cast<float>() - sum) / static_cast<float>(n + 1));
+      ++n;
+    }
+  }
+
+  Site site() {
+    Site site{.origin = origin_, .blocks = {}};
+    for (const auto& [key, voxel] : voxels_) {
+      const Eigen::Vector3f& p = voxel.first;
+      site.blocks[{block_of(p.x()), block_of(p.y())}].push_back(p);
+    }
+    // Independent of the order of the table.
+    for (auto& [cell, points] : site.blocks)
+      std::ranges::sort(points, [](const auto& a, const auto& b) {
+        return std::tuple(a.x(), a.y(), a.z()) < std::tuple(b.x(), b.y(), b.z());
+      });
+    return site;
+  }
+
+ private:
+  std::optional<Eigen::Vector3d> origin_;
+  std::unordered_map<uint64_t, std::pair<Eigen::Vector3f, uint32_t>> voxels_;
+};
+
+Site read_site(const FeatureOptions& options) {
+  SiteVoxels voxels;
+  PointCloud cloud;
+  const std::string extension = options.data.extension().string();
+  if (extension == ".las" || extension == ".laz") {
+    FeatureOptions all = options;
+    all.every = 1;
+    for (const ScanStream next = read_recording(all).next; auto part = next();) {
+      part->read(cloud);
+      voxels.add(cloud, part->pose.value_or(Pose::Identity()));
+    }
+  } else {
+    read_scan_into(options.data, cloud);
+    voxels.add(cloud, Pose::Identity());
+  }
+  return voxels.site();
+}
+
+/// Rows of beams and columns of azimuth. Each point covers its voxel, so that what lies behind a
+/// surface is hidden.
+class Renderer {
+ public:
+  Renderer(std::shared_ptr<const Site> site, const Sensor& sensor)
+      : site_(std::move(site)),
+        rows_(sensor.beams > 0 ? sensor.beams : 64),
+        top_(sensor.top * std::numbers::pi / 180),
+        step_((sensor.top - sensor.bottom) * std::numbers::pi / 180 / (rows_ - 1)),
+        range_(sensor.image.max_range) {}
+
+  PointCloud scan(const Pose& T_world_sensor) const {
+    const Eigen::Isometry3f T = sensor_of_site(T_world_sensor).cast<float>();
+    std::vector<float> depths(static_cast<size_t>(rows_) * kColumns, kNothing);
+    std::vector<std::pair<float, Eigen::Vector3f>> hits(depths.size(),
+                                                        {kNothing, Eigen::Vector3f::Zero().eval()});
+    each_point(T_world_sensor, [&](const Eigen::Vector3f& point) {
+      const Eigen::Vector3f p = T * point;
+      const float range = p.norm();
+      if (range < kNearest || range > range_) return;
+      const double row = (top_ - std::asin(p.z() / range)) / step_;
+      const double column = (std::numbers::pi - std::atan2(p.y(), p.x())) / kColumnStep;
+      const double half = std::atan(kVoxel / 2 / range), flat = std::hypot(p.x(), p.y());
+      const double wide = std::atan(kVoxel / 2 / std::max(flat, kVoxel));
+      cover(row, half / step_, column, wide / kColumnStep, range, depths);
+      if (const int r = static_cast<int>(std::lround(row)); r >= 0 && r < rows_) {
+        auto& hit = hits[at(r, static_cast<int>(std::lround(column)))];
+        if (range < hit.first) hit = {range, p};
+      }
+    });
+    PointCloud cloud;
+    for (size_t i = 0; i < depths.size(); ++i) {
+      if (depths[i] == kNothing && hits[i].first == kNothing) continue;
+      const bool seen = hits[i].first <= depths[i] + 2 * kVoxel;
+      const Eigen::Vector3f p = seen ? hits[i].second : direction(i) * depths[i];
+      cloud.points.push_back({p.x(), p.y(), p.z(), 0});
+    }
+    return cloud;
+  }
+
+ private:
+  static constexpr int kColumns = 1800;
+  static constexpr double kColumnStep = 2 * std::numbers::pi / kColumns;
+  static constexpr float kNothing = std::numeric_limits<float>::max(), kNearest = 1;
+
+  static size_t at(int row, int column) {
+    return static_cast<size_t>(row) * kColumns +
+           static_cast<size_t>((column + kColumns) % kColumns);
+  }
+
+  Eigen::Isometry3d sensor_of_site(const Pose& T_world_sensor) const {
+    return T_world_sensor.inverse() * Eigen::Translation3d(*site_->origin);
+  }
+
+  Eigen::Vector3f direction(size_t pixel) const {
+    const double elevation = top_ - static_cast<double>(pixel / kColumns) * step_;
+    const double azimuth = std::numbers::pi - static_cast<double>(pixel % kColumns) * kColumnStep;
+    return Eigen::Vector3d(std::cos(elevation) * std::cos(azimuth),
+                           std::cos(elevation) * std::sin(azimuth), std::sin(elevation))
+        .cast<float>();
+  }
+
+  template <class Take>
+  void each_point(const Pose& T_world_sensor, const Take& take) const {
+    const Eigen::Vector3d center = T_world_sensor.translation() - *site_->origin;
+    for (int x = block_of(center.x() - range_); x <= block_of(center.x() + range_); ++x)
+      for (int y = block_of(center.y() - range_); y <= block_of(center.y() + range_); ++y)
+        if (const auto found = site_->blocks.find({x, y}); found != site_->blocks.end())
+          for (const Eigen::Vector3f& point : found->second) take(point);
+  }
+
+  void cover(double row, double tall, double column, double wide, float range,
+             std::vector<float>& depths) const {
+    const int first = std::max(0, static_cast<int>(std::ceil(row - tall)));
+    const int last = std::min(rows_ - 1, static_cast<int>(std::floor(row + tall)));
+    const int end = static_cast<int>(std::floor(column + wide));
+    for (int r = first; r <= last; ++r)
+      for (int c = static_cast<int>(std::ceil(column - wide)); c <= end; ++c) {
+        float& depth = depths[at(r, c)];
+        depth = std::min(depth, range);
+      }
+  }
+
+  std::shared_ptr<const Site> site_;
+  int rows_;
+  double top_, step_, range_;
+};
+
+/// Heights of the floor on which a robot can stand, by cells of 1 m: low points around, and nothing
+/// above them up to its height. Parts that are small beside the largest, as roofs are, do not
+/// count.
+class Floor {
+ public:
+  explicit Floor(const Site& site) {
+    each(site, [&](const Cell& cell, float z) {
+      const auto [at, added] = lowest_.try_emplace(cell, z);
+      at->second = std::min(at->second, z);
+    });
+    each(site, [&](const Cell& cell, float z) {
+      constexpr float kStep = 0.4F, kHeadroom = 2.2F;  // [m]
+      const float above = z - lowest_.at(cell);
+      if (above > kStep && above < kHeadroom) blocked_[cell] = true;
+    });
+    for (const auto& [cell, z] : lowest_)
+      if (is_free(cell)) free_[cell] = 0;
+    label();
+  }
+
+  /// Cells near the nodes of a grid.
+  std::vector<Eigen::Vector3d> nodes() const {
+    std::map<Cell, Cell> chosen;
+    for (const auto& [cell, part] : free_) {
+      if (10 * sizes_[static_cast<size_t>(part)] < largest_) continue;
+      const auto node = [](int x) { return static_cast<int>(std::floor(x / double{kGrid})); };
+      chosen.try_emplace({node(cell.first), node(cell.second)}, cell);
+    }
+    std::vector<Eigen::Vector3d> points;
+    for (const auto& [node, cell] : chosen)
+      points.emplace_back(cell.first + 0.5, cell.second + 0.5, lowest_.at(cell));
+    return points;
+  }
+
+ private:
+  template <class Take>
+  static void each(const Site& site, const Take& take) {
+    for (const auto& [block, points] : site.blocks)
+      for (const Eigen::Vector3f& p : points)
+        take(Cell(static_cast<int>(std::floor(p.x())), static_cast<int>(std::floor(p.y()))), p.z());
+  }
+
+  template <class Take>
+  static void around(const Cell& cell, const Take& take) {
+    for (int x = -1; x <= 1; ++x)
+      for (int y = -1; y <= 1; ++y) take(Cell(cell.first + x, cell.second + y));
+  }
+
+  bool is_free(const Cell& cell) const {
+    constexpr float kSlope = 0.3F;  // between cells [m]
+    bool free = true;
+    around(cell, [&](const Cell& near) {
+      const auto found = lowest_.find(near);
+      free = free && found != lowest_.end() && !blocked_.contains(near) &&
+             std::abs(found->second - lowest_.at(cell)) < kSlope;
+    });
+    return free;
+  }
+
+  void label() {
+    sizes_ = {0};
+    for (const auto& [cell, part] : free_) {
+      if (part != 0) continue;
+      std::vector<Cell> open{cell};
+      const int name = static_cast<int>(std::ssize(sizes_));
+      sizes_.push_back(0);
+      free_[cell] = name;
+      while (!open.empty()) {
+        const Cell at = open.back();
+        open.pop_back();
+        ++sizes_.back();
+        around(at, [&](const Cell& near) {
+          const auto found = free_.find(near);
+          if (found == free_.end() || found->second != 0) return;
+          found->second = name;
+          open.push_back(near);
+        });
+      }
+      largest_ = std::max(largest_, sizes_.back());
+    }
+  }
+
+  std::map<Cell, float> lowest_;
+  std::map<Cell, bool> blocked_;
+  std::map<Cell, int> free_;  // -> part
+  std::vector<int64_t> sizes_;
+  int64_t largest_ = 0;
+};
+
+std::vector<Pose> poses_on(const Site& site) {
+  std::vector<Pose> poses;
+  for (const Eigen::Vector3d& floor : Floor(site).nodes())
+    poses.emplace_back(
+        Eigen::Translation3d(*site.origin + floor + Eigen::Vector3d(0, 0, kSensorHeight)));
+  return poses;
+}
+
+std::vector<Pose> poses_along(const fs::path& trajectory) {
+  constexpr double kSpacing = 2;  // [m]
+  std::vector<Pose> poses;
+  for (const Pose& pose : read_timed_poses(trajectory).poses)
+    if (poses.empty() || (pose.translation() - poses.back().translation()).norm() >= kSpacing)
+      poses.push_back(pose);
+  return poses;
+}
+
+}  // namespace
+
+Dataset virtual_scans(const FeatureOptions& options, const fs::path& trajectory) {
+  const auto site = std::make_shared<const Site>(read_site(options));
+  if (!site->origin) throw InputError(options.data.string(), ": there are no points");
+  const std::vector<Pose> poses = trajectory.empty() ? poses_on(*site) : poses_along(trajectory);
+  if (poses.empty())
+    throw InputError(options.data.string(),
+                     ": no free floor was found (z must be up); give a trajectory with --poses");
+  const auto sensor = std::ranges::find(sensors(), options.image.sensor, &Sensor::name);
+  if (sensor == sensors().end())
+    throw UsageError("--sensor ", options.image.sensor,
+                     ": expected a sensor of --sensor list, because virtual scans need its beams");
+  const auto renderer = std::make_shared<const Renderer>(site, *sensor);
+  Dataset dataset;
+  dataset.name = options.data.stem().string();
+  for (const Pose& pose : poses) {
+    ScanRef scan;
+    scan.file = options.data;
+    scan.frame = static_cast<int>(dataset.scans.size());
+    scan.pose = pose;
+    scan.read = [renderer, pose](PointCloud& cloud) { cloud = renderer->scan(pose); };
+    dataset.scans.push_back(std::move(scan));
+  }
+  dataset.n_poses = std::ssize(dataset.scans);
+  return dataset;
+}
+
+}  // namespace revisit::cli
