@@ -238,7 +238,7 @@ class LoopClosureNode : public rclcpp::Node {
     if (!start(points.header.frame_id))
       throw UsageError("locate: the sensor's mount is not known yet");
     const StampedScan scan = scan_of(points, stamp_in(points));
-    const Detection found = front_end_->detector().query(view_of(scan.cloud));
+    const Detection found = front_end_->detector().locate(view_of(scan.cloud)).front();
     answer.message = found.error.empty() ? found.rejection : found.error;
     answer.found = found.accepted && found.registered;
     if (!answer.found) return;
