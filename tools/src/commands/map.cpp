@@ -8,6 +8,7 @@
 #include "cli/command.h"
 #include "cli/terminal.h"
 #include "revisit/maps/map_store.h"
+#include "revisit/recognition/calibration.h"
 #include "revisit/registration/registration.h"
 
 namespace revisit::cli {
