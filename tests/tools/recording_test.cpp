@@ -132,11 +132,13 @@ TEST_F(Recording, IsStreamedWithTheOptionsOfTheReader) {
   install("shift 2; echo \"$*\" > " + (dir_ / "words").string() + "; cat " +
           (dir_ / "stream").string() + "\n");
   const std::string options = " --sensor hdl64 --threshold 9 --all --no-verify --format jsonl";
-  const auto result = run("loops " + bag() + " --sequence '/a b' --every 2" + options);
+  const auto result =
+      run("loops " + bag() + " --sequence '/a b' --every 2 --point-times us" + options);
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(std::ranges::count(result.out, '\n'), 2) << result.out;
   EXPECT_HAS(result.out, "\"file\":\"drive.bag, frame 1\"");
-  EXPECT_EQ(read_file(dir_ / "words"), "--every=2 --sequence=/a b -- " + bag() + "\n");
+  EXPECT_EQ(read_file(dir_ / "words"),
+            "--every=2 --sequence=/a b --point-times=us -- " + bag() + "\n");
 }
 
 TEST_F(Recording, IsExaminedByDoctor) {

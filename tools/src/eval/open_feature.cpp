@@ -294,7 +294,8 @@ Dataset open_scans(const FeatureOptions& options, bool needs_poses) {
   if (!options.quiet)
     for (const std::string& warning : dataset.warnings) warn(warning);
   find_point_times(dataset, options.point_times);
-  if (!options.quiet && !dataset.point_times.empty() && dataset.point_times != "none")
+  const bool asked = options.point_times != "none" && dataset.point_times != "none";
+  if (!options.quiet && asked && !dataset.point_times.empty())
     note(str("point times: ", dataset.point_times,
              "; only `revisit loops` and `revisit eval --causal` deskew"));
   if (dataset.scans.empty())

@@ -346,7 +346,8 @@ RecordedScans read_recording(const FeatureOptions& options, bool headers) {
   for (const auto& [option, value] :
        {std::pair("--sequence=", options.sequence), std::pair("--topics=", options.topics),
         std::pair("--extrinsics=", options.extrinsics.string()),
-        std::pair("--point-times=", options.point_times)})
+        std::pair("--point-times=",
+                  options.point_times == "auto" ? std::string() : options.point_times)})
     if (!value.empty()) words.push_back(option + value);
   words.push_back("--");
   words.push_back(options.data.string());

@@ -245,7 +245,9 @@ ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
     throw InputError(data.data.string(),
                      ": expected a folder of scans or a recording, found another file");
   if (follow) return growing(data, *follow);
-  Dataset dataset = open_scans(data);
+  FeatureOptions untimed = data;  // without open_scans()'s note
+  untimed.point_times = "none";
+  Dataset dataset = open_scans(untimed);
   if (dataset.has_places() && !data.quiet) warn_of_folders(data.data, dataset);
   find_point_times(dataset, data.point_times);
   dataset.scans = poses.scans_of(dataset);
