@@ -22,7 +22,9 @@ void read_shape(const std::string& text) {
 #ifdef REVISIT_HAVE_PIPELINE
 
 Trajectory drive() {
-  return {{0, 1, 5, 90}, {{0, 0, 0}, {1, 0, 0}, {5, 0, 0}, {0, 0, 0}}, {0, 0.1, 0.5, 9}};
+  return {.frames = {0, 1, 5, 90},
+          .positions = {{0, 0, 0}, {1, 0, 0}, {5, 0, 0}, {0, 0, 0}},
+          .times = {0, 0.1, 0.5, 9}};
 }
 
 template <class T>
