@@ -29,7 +29,7 @@ test "$(revisit loops drive --all --quiet --exclusion none --warmup 3 | cut -d, 
 man revisit | grep -q 'revisit-loops(1)'
 man revisit-net-inspect | grep -q -e '--input-shape'
 bash -c '. /usr/share/bash-completion/completions/revisit
-  COMP_WORDS=(revisit lo) COMP_CWORD=1; _revisit; test "${COMPREPLY[*]}" = loops'
+  COMP_WORDS=(revisit loo) COMP_CWORD=1; _revisit; test "${COMPREPLY[*]}" = loops'
 apt-get remove -qq -y revisit >/dev/null
 test ! -e /usr/bin/revisit -a ! -e /usr/share/doc/revisit
 USE

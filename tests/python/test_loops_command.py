@@ -173,7 +173,7 @@ class Drives(Command):
         self.assertEqual(found[0]['file'], str(self.arrays / f'{found[0]["frame"]:06}.npy'))
         with subprocess.Popen([sys.executable, '-m', 'revisit.recordings', self.arrays], stdout=subprocess.PIPE) as stream:
             self.check_same(self.loops('-', *SAME_MOMENT, stdin=stream.stdout))
-        self.check_same(without(self.loops(self.helipr, *SAME_MOMENT, '--odometry-gate', 'none'), 'position', 'match_position'))
+        self.check_same(without(self.loops(self.helipr, *SAME_MOMENT, '--odometry-gate', 'none'), 'pose', 'position', 'match_position'))
 
     @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
     def test_bags_have_the_same_loops(self):
@@ -203,7 +203,7 @@ class Drives(Command):
             self.assertEqual(code, 0, err)
         map_ = revisit.maps.MapStore.open(file)
         self.assertEqual(len(map_), 2 * len(self.scans))
-        code, out, err = run('map', 'query', file, self.arrays, '--format', 'jsonl')
+        code, out, err = run('locate', file, self.arrays, '--format', 'jsonl')
         self.assertEqual((code, len(lines_of(out))), (0, len(self.scans)), err)
         figures = []
         for data in (self.helipr, self.town):
@@ -406,7 +406,7 @@ class Pieces(unittest.TestCase):
         walls = [np.float32([[5, y, z] for y in np.arange(-3, 3, 0.5) for z in np.arange(-1.5, 2, 0.5)])] * 12
         detector = revisit.LoopDetector(revisit.open_map(local_map=20))
         self.assertEqual(detector.take(walls[0], frame=0).error, '')
-        for i, wall in enumerate(walls):
+        for i, wall in enumerate(walls, 1):
             pose = np.eye(4)
             pose[0, 3] = i
             self.assertEqual(detector.take(wall, frame=i, pose=pose).error, '')

@@ -89,7 +89,8 @@ struct EntryBytes {
 };
 /// `number`: index in the call, from 1. Throws UsageError for values that cannot be stored.
 EntryBytes encoded(const MapEntry& entry, DescriptorType format, size_t number);
-/// Columns id, drive, frame, time, pose, descriptor, feature, revision, loops. Refers to the arguments.
+/// Columns id, drive, frame, time, pose, descriptor, feature, revision, loops. Refers to the
+/// arguments.
 std::vector<SqlValue> entry_columns(int64_t id, const MapEntry& entry, const EntryBytes& bytes,
                                     int64_t revision);
 /// Reads these columns and their checksum. Returns "", or the problem of the row.
