@@ -60,7 +60,7 @@ class Bash : public testing::Test {
 };
 
 TEST_F(Bash, CompletesCommandsAndOptions) {
-  EXPECT_EQ(offered("revisit lo"), Words{"loops"});
+  EXPECT_EQ(offered("revisit lo"), (Words{"locate", "loops"}));
   EXPECT_EQ(offered("revisit loops --se"), (Words{"--sensor", "--sequence"}));
   EXPECT_EQ(offered("revisit net "), (Words{"forward", "inspect", "profile", "upgrade", "verify"}));
   EXPECT_EQ(offered("revisit net ins"), Words{"inspect"});
@@ -139,7 +139,7 @@ TEST_F(Bash, ZshTakesTheScriptByBashcompinit) {
   };
   // zsh itself drops words without the typed prefix.
   for (const auto& [line, reply] :
-       {std::pair("revisit lo", "loops"), std::pair("revisit net ins", "inspect"),
+       {std::pair("revisit loo", "loops"), std::pair("revisit net ins", "inspect"),
         std::pair("revisit loops --se", "--sequence"),
         std::pair("revisit loops --format j", "jsonl"),
         std::pair("revisit loops --format=j", "--format=jsonl"),

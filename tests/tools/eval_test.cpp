@@ -624,7 +624,7 @@ TEST_F(EvalCommand, GroundTruthIsAListOfPairs) {
   const std::string pairs = read_file(file);
   EXPECT_TRUE(pairs.starts_with("query,match,distance_m\n")) << pairs;
   EXPECT_FALSE(fs::exists(results()));
-  for (const char* bad : {"--exclusion frames", "--radius 0", "--distance xy", "--perturb none"})
+  for (const char* bad : {"--exclusion frames", "--radius 0", "--distance yz", "--perturb none"})
     EXPECT_EQ(run_revisit("eval " + root().string() + " --ground-truth x " + bad).exit_code, 2)
         << bad;
 }
