@@ -179,7 +179,7 @@ std::string text_of_clock(const PointTimes& found) {
              " (TAI or GPS)");
 }
 
-std::string milliseconds(double seconds) {
+std::string in_milliseconds(double seconds) {
   constexpr double kMillisecond = 1e-3;
   return str(std::lround(seconds / kMillisecond), " ms");
 }
@@ -190,7 +190,7 @@ std::string text_of_failure(const SortedTimes& scan, std::optional<double> perio
     return str(field, " has no resolution: ", scan.distinct,
                scan.distinct == 1 ? " value" : " values", " in a scan");
   return str(field, " spans ", scan.values.back() - scan.values.front(), " in a scan",
-             period ? str(" and scans are ", milliseconds(*period), " apart") : "",
+             period ? str(" and scans are ", in_milliseconds(*period), " apart") : "",
              ", which fits no unit; give --point-times");
 }
 
@@ -243,7 +243,7 @@ PointTimes point_times_of(std::span<const RecordedTimes> scans, const std::strin
   if (found->seconds == 0) {
     times.unit = period && *period <= kLongestTurn ? *period : kUsualPeriod;
     times.period = times.unit;
-    times.text = str(field, "0 to 1 of a scan of ", milliseconds(times.unit));
+    times.text = str(field, "0 to 1 of a scan of ", in_milliseconds(times.unit));
     return times;
   }
   find_clock(sorted, times);
