@@ -142,7 +142,7 @@ TEST_F(Learn, MistakesAreSaid) {
 
 /// One without a model gets the nearest one.
 TEST_F(Learn, ASensorHasItsModelOrTheNearest) {
-  run("simulate -o " + path("walk") + " --sensor livox-mid360 --surroundings suburb --route " +
+  run("simulate -o " + path("walk") + " --sensor livox-mid360 --surroundings old-town --route " +
       "opposite --length 300 --every 6 --sensor-height 1 --sensor-pitch 3 -q");
   const std::string walk = run("eval " + path("walk") + " --exclusion meters=50 --format json");
   expect_in(walk, "sensor: livox-mid360 (no separate beams, ");

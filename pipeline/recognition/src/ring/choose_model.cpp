@@ -82,15 +82,9 @@ struct Fit {
   double difference = 0;  // difference in upper edge and beams
 };
 
-const Sensor& known_sensor(const std::string& name) {
-  return *std::ranges::find(sensors(), name, &Sensor::name);
-}
-
-Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans,
-           const SensorFound& found) {
+Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size_t beams) {
   constexpr float kAboveGround = 0.5F;  // [m]
   constexpr double kEdge = 10;          // [deg], counts as much as a factor of 2 in beams
-  constexpr double kHigh = 25;          // [deg]
   const RingModel model = shipped_ring_model(sensor);
   std::vector<double> elevations;  // [deg]
   for (const PointCloud& scan : scans)
@@ -105,19 +99,17 @@ Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans,
   fit.held = static_cast<double>(held) / static_cast<double>(elevations.size());
   const auto top = elevations.begin() + std::ssize(elevations) * 99 / 100;
   std::ranges::nth_element(elevations, top);
-  // A field without beams that ends this high is of a pattern, though its sky may be empty.
-  if (known_sensor(sensor).beams == 0 && found.top > kHigh) return fit;
   fit.difference = std::abs(*top - model.image.elevation_top) / kEdge;
-  const auto beams = static_cast<double>(found.elevations.size());
-  if (beams > 0) fit.difference += std::abs(std::log2(beams / model.image.height));
+  if (beams > 0)
+    fit.difference += std::abs(std::log2(static_cast<double>(beams) / model.image.height));
   return fit;
 }
 
 /// A model without beams is for scans without beams that show no more below, but for a tilt.
 bool is_candidate(const std::string& sensor, const SensorFound& found) {
   constexpr double kTilt = 8;  // [deg]
-  const Sensor& known = known_sensor(sensor);
-  return known.beams > 0 || (found.elevations.empty() && found.bottom > known.bottom - kTilt);
+  const auto known = std::ranges::find(sensors(), sensor, &Sensor::name);
+  return known->beams > 0 || (found.elevations.empty() && found.bottom > known->bottom - kTilt);
 }
 
 std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans,
@@ -136,7 +128,7 @@ std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans
   if (std::ranges::count(models, found.name) > 0) return {found.name, seen};
   std::vector<Fit> fits;
   for (const std::string& sensor : models)
-    if (is_candidate(sensor, found)) fits.push_back(fit_of(sensor, scans, found));
+    if (is_candidate(sensor, found)) fits.push_back(fit_of(sensor, scans, beams));
   const double most = std::ranges::max(fits, {}, &Fit::held).held;
   std::erase_if(fits, [&](const Fit& fit) { return fit.held < kEnough * most; });
   const Fit best = std::ranges::min(fits, {}, &Fit::difference);
