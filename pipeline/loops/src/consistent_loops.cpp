@@ -92,7 +92,7 @@ std::optional<bool> DriveHistory::agree(const FittingLoop& one, const FittingLoo
   const Eigen::Isometry3d error = one.T_place_scan.inverse() * T_place_before *
                                   before.T_place_scan * before.at.pose.inverse() * one.at.pose;
   return error.translation().head<2>().norm() < (gate_.base + gate_.rate * path) / 2 &&
-         std::abs(std::atan2(error(1, 0), error(0, 0))) < kYaw + kYawRate * path;
+         std::abs(heading_of(error)) < kYaw + kYawRate * path;
 }
 
 std::string DriveHistory::objection(const CandidatePlace& place,

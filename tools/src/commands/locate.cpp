@@ -74,17 +74,14 @@ ScanStream scans_of(const LocateOptions& o) {
 
 /// The first scans show the sensor.
 std::pair<Dataset, ScanStream> with_first(ScanStream next) {
-  constexpr size_t kShowSensor = 3;
   Dataset some;
   while (some.scans.size() < kShowSensor) {
     std::optional<ScanRef> scan = next();
     if (!scan) break;
     some.scans.push_back(std::move(*scan));
   }
-  return {some, [first = stream_of(some.scans), next = std::move(next)] {
-            std::optional<ScanRef> scan = first();
-            return scan ? scan : next();
-          }};
+  std::vector<ScanRef> first = some.scans;
+  return {std::move(some), chained(std::move(first), std::move(next))};
 }
 
 int locate_scans(LocateOptions& o) {

@@ -115,13 +115,6 @@ std::vector<ScanRef> first_readable(const ScanStream& stream, size_t enough) {
   return scans;
 }
 
-ScanStream with(std::vector<ScanRef> first, ScanStream rest) {
-  return [first = stream_of(std::move(first)), rest = std::move(rest)] {
-    std::optional<ScanRef> scan = first();
-    return scan ? scan : rest();
-  };
-}
-
 /// Begins with the first scans, which wait in memory and show the convention of times of points.
 ScanSource source_of(RecordedScans scans, size_t enough, const std::string& name,
                      const std::string& unit) {
@@ -131,7 +124,7 @@ ScanSource source_of(RecordedScans scans, size_t enough, const std::string& name
   if (source.some.scans.empty()) throw InputError(name, ": there are no scans");
   source.some.point_times = scans.point_times;
   find_point_times(source.some, unit);
-  source.next = [next = with(source.some.scans, std::move(scans.next)),
+  source.next = [next = chained(source.some.scans, std::move(scans.next)),
                  times = source.some.scans[0].point_times] {
     std::optional<ScanRef> scan = next();
     if (scan) scan->point_times = times;
@@ -142,7 +135,6 @@ ScanSource source_of(RecordedScans scans, size_t enough, const std::string& name
 
 /// Reads the recording twice if the poses are in a file, which gives them to scans by their times.
 ScanSource recording_source(const FeatureOptions& data, const PoseOptions& poses) {
-  constexpr size_t kShowSensor = 3;
   std::map<int, std::optional<Pose>> by_frame;
   if (!poses.file.empty()) {
     const Dataset scans = headers_of(data);
@@ -226,6 +218,13 @@ ScanStream stream_of(std::vector<ScanRef> scans) {
   return [scans = std::move(scans), next = size_t{0}]() mutable -> std::optional<ScanRef> {
     if (next == scans.size()) return std::nullopt;
     return scans[next++];
+  };
+}
+
+ScanStream chained(std::vector<ScanRef> first, ScanStream rest) {
+  return [first = stream_of(std::move(first)), rest = std::move(rest)] {
+    std::optional<ScanRef> scan = first();
+    return scan ? scan : rest();
   };
 }
 

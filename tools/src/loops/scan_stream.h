@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -18,6 +20,10 @@ using ScanStream = std::function<std::optional<ScanRef>()>;
 /// scans, or else by the camera's axes.
 std::vector<ScanRef> with_sensor_poses(Dataset dataset);
 ScanStream stream_of(std::vector<ScanRef> scans);
+/// `first`, then `rest`.
+ScanStream chained(std::vector<ScanRef> first, ScanStream rest);
+
+constexpr size_t kShowSensor = 3;  // scans that show the sensor
 
 struct PoseOptions {
   std::filesystem::path file, calib;

@@ -1,15 +1,13 @@
 #include <algorithm>
-#include <cmath>
-#include <cstring>
 #include <map>
 #include <memory>
-#include <unordered_map>
 
 #include "cli/terminal.h"
 #include "map_graph.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/registration/free_space.h"
+#include "voxel_means.h"
 
 namespace revisit::cli {
 namespace {
@@ -65,36 +63,6 @@ std::vector<size_t> entries_near(const MapGraph& graph, size_t index) {
   return chosen;
 }
 
-class VoxelMeans {
- public:
-  explicit VoxelMeans(double voxel, const Eigen::Vector3d& origin)
-      : voxel_(voxel), origin_(origin) {}
-
-  void add(const Eigen::Vector3d& point) {
-    const Eigen::Vector3d from = point - origin_;
-    uint64_t key = 0;
-    for (const double x : from)
-      key = key << 21 | (static_cast<uint64_t>(std::floor(x / voxel_) + (1 << 20)) & 0x1FFFFF);
-    auto& [sum, count] = voxels_.try_emplace(key, Eigen::Vector3d::Zero(), 0).first->second;
-    sum += from;
-    ++count;
-  }
-
-  std::vector<Eigen::Vector3d> points() const {
-    std::map<uint64_t, Eigen::Vector3d> sorted;
-    for (const auto& [key, mean] : voxels_)
-      sorted.emplace(key, origin_ + mean.first / static_cast<double>(mean.second));
-    std::vector<Eigen::Vector3d> points;
-    for (const auto& [key, point] : sorted) points.push_back(point);
-    return points;
-  }
-
- private:
-  const double voxel_;
-  const Eigen::Vector3d origin_;
-  std::unordered_map<uint64_t, std::pair<Eigen::Vector3d, int64_t>> voxels_;
-};
-
 }  // namespace
 
 int64_t write_site_cloud(const std::filesystem::path& file, const MapStore& map,
@@ -102,8 +70,7 @@ int64_t write_site_cloud(const std::filesystem::path& file, const MapStore& map,
                          const std::function<void(int64_t done, int64_t total)>& progress) {
   check_target(file);
   SiteScans scans(map, graph);
-  VoxelMeans means(voxel, graph.entries.empty() ? Eigen::Vector3d::Zero().eval()
-                                                : graph.entries[0].pose->translation().eval());
+  VoxelMeans means(voxel);
   for (size_t i = 0; i < graph.entries.size(); ++i) {
     if (interrupted()) throw Interrupted("interrupted; ", file.string(), " is not written");
     const auto scan = scans.at(i);

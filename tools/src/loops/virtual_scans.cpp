@@ -8,12 +8,11 @@
 #include <memory>
 #include <numbers>
 #include <optional>
-#include <tuple>
-#include <unordered_map>
 #include <utility>
 
 #include "cli/terminal.h"
 #include "loops/recording.h"
+#include "loops/voxel_means.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 
@@ -39,51 +38,21 @@ struct Site {
   std::map<Cell, std::vector<Eigen::Vector3f>> blocks;
 };
 
-/// Averages the points of each voxel as they come.
-class SiteVoxels {
- public:
-  void add(const PointCloud& cloud, const Eigen::Isometry3d& T_world_cloud) {
-    for (const Point& p : cloud.points) {
-      const Eigen::Vector3d at = T_world_cloud * Eigen::Vector3d(p.x, p.y, p.z);
-      if (!at.allFinite()) continue;
-      if (!origin_) origin_ = at;
-      const Eigen::Vector3d relative = at - *origin_;
-      constexpr double kFarthest = 1e5;  // of a key [m]
-      if (relative.cwiseAbs().maxCoeff() > kFarthest) continue;
-      uint64_t key = 0;
-      constexpr int kBits = 21;
-      for (const double x : relative)
-        key = key << kBits | (static_cast<uint64_t>(static_cast<int64_t>(std::floor(x / kVoxel))) &
-                              ((1U << kBits) - 1));
-      auto& [sum, n] = voxels_[key];
-      sum = n == 0
-                ? relative.cast<float>()
-                : Eigen::Vector3f(sum + (relative.cast<float>() - sum) / static_cast<float>(n + 1));
-      ++n;
-    }
-  }
+void add(const PointCloud& cloud, const Pose& T_world_cloud, VoxelMeans& voxels) {
+  for (const Point& p : cloud.points) voxels.add(T_world_cloud * Eigen::Vector3d(p.x, p.y, p.z));
+}
 
-  Site site() {
-    Site site{.origin = origin_, .blocks = {}};
-    for (const auto& [key, voxel] : voxels_) {
-      const Eigen::Vector3f& p = voxel.first;
-      site.blocks[{block_of(p.x()), block_of(p.y())}].push_back(p);
-    }
-    // Independent of the order of the table.
-    for (auto& [cell, points] : site.blocks)
-      std::ranges::sort(points, [](const auto& a, const auto& b) {
-        return std::tuple(a.x(), a.y(), a.z()) < std::tuple(b.x(), b.y(), b.z());
-      });
-    return site;
+Site site_of(const VoxelMeans& voxels) {
+  Site site{.origin = voxels.origin(), .blocks = {}};
+  for (const Eigen::Vector3d& point : voxels.points()) {
+    const Eigen::Vector3f p = (point - *site.origin).cast<float>();
+    site.blocks[{block_of(p.x()), block_of(p.y())}].push_back(p);
   }
-
- private:
-  std::optional<Eigen::Vector3d> origin_;
-  std::unordered_map<uint64_t, std::pair<Eigen::Vector3f, uint32_t>> voxels_;
-};
+  return site;
+}
 
 Site read_site(const FeatureOptions& options) {
-  SiteVoxels voxels;
+  VoxelMeans voxels(kVoxel);
   PointCloud cloud;
   const std::string extension = options.data.extension().string();
   if (extension == ".las" || extension == ".laz") {
@@ -91,13 +60,13 @@ Site read_site(const FeatureOptions& options) {
     all.every = 1;
     for (const ScanStream next = read_recording(all).next; auto part = next();) {
       part->read(cloud);
-      voxels.add(cloud, part->pose.value_or(Pose::Identity()));
+      add(cloud, part->pose.value_or(Pose::Identity()), voxels);
     }
   } else {
     read_scan_into(options.data, cloud);
-    voxels.add(cloud, Pose::Identity());
+    add(cloud, Pose::Identity(), voxels);
   }
-  return voxels.site();
+  return site_of(voxels);
 }
 
 /// Rows of beams and columns of azimuth. Each point covers its voxel, so that what lies behind a
