@@ -8,7 +8,8 @@
 Compares every layer channel by channel, at the exported sizes and at the other sizes of its seed, then the outputs alone,
 where ONNX Runtime fuses layers. The tolerance for rounding is measured (check.h): the reference ran again with noise after
 each layer that rounds. A layer that the export rejects becomes an input of the model, with the engine's values, and is
-counted, so that the other layers are still compared. Models that require fixed sizes are exported once more.
+counted, so that the other layers are still compared. Models that require fixed sizes are exported once more. Layers that
+suppress boxes become inputs, too, because rounding decides which rows they have (onnx_detections_test.py compares them).
 """
 
 import argparse
@@ -29,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'weights_conversion
 from conversion import onnx_export, weights  # noqa: E402
 from conversion.compare import CheckFailed  # noqa: E402
 from conversion.graph import resolve  # noqa: E402
+from conversion.onnx_layers import detections  # noqa: E402
 from revisit.caffe.proto import caffe_pb2  # noqa: E402
 from revisit.errors import UnsupportedError  # noqa: E402
 
@@ -88,6 +90,9 @@ class Case:
 
     def build(self, example, fixed, refused):
         """Returns the model and the names of its tensors. Rejected layers become inputs and are added to `refused`."""
+        for layer in self.graph.layers:
+            if layer.type in detections.EMIT:
+                self.make_input(layer)
         while True:
             try:
                 onnx_export.refuse_unknown(self.graph)

@@ -63,37 +63,18 @@ class Command(ConversionTest):
                 compare.require('it', wrong, expected, 1e-4)
         compare.require('it', {'y': numbers(2, 3)}, expected, 0)
 
-    def test_a_detector_is_exported_up_to_its_boxes(self):
-        def convolution(name, outputs):
-            return layer(name, 'Convolution', parameters=f'convolution_param {{ num_output: {outputs} kernel_size: 8 }}') + \
-                layer(f'{name}_flat', 'Flatten', name)
-        detection = (input_layer(1, 3, 8, 8) + convolution('loc', 4) + convolution('conf', 2)
-                     + layer('prior', 'PriorBox', ['loc', 'data'], parameters='prior_box_param { min_size: 4 }')
-                     + layer('boxes', 'DetectionOutput', ['loc_flat', 'conf_flat', 'prior'],
-                             parameters='detection_output_param { num_classes: 2 share_location: true nms_param { nms_threshold: 0.5 } }'))
-        blobs = {'loc': [numbers(4, 3, 8, 8), numbers(4)], 'conf': [numbers(2, 3, 8, 8), numbers(2)]}
-        prototxt, model = self.net(detection, blobs, 'detection')
-        printed = self.convert('onnx', prototxt, model, self.onnx, '--fixed')
-        self.assertIn("note: layer 'boxes' (DetectionOutput) cannot be exported to ONNX; the model ends before it, with the outputs "
-                      'loc_flat, conf_flat, prior;', printed)
-        self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['loc_flat', 'conf_flat', 'prior'])
-        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--end', 'boxes')
+    def test_a_detector_of_fields_is_exported_up_to_its_boxes(self):
+        net = input_layer(1, 3, 8, 8) + layer('conv', 'Convolution', parameters='convolution_param { num_output: 6 kernel_size: 1 }') + \
+            layer('boxes', 'BoxOutput', 'conv', parameters='box_output_param { field_w: 8 field_h: 8 downsample_rate: 8 }')
+        blobs = {'conv': [numbers(6, 3, 1, 1), numbers(6)]}
+        prototxt, model = self.net(net, blobs)
+        printed = self.convert('onnx', prototxt, model, self.onnx)
+        self.assertIn("note: layer 'boxes' (BoxOutput) cannot be exported to ONNX; the model ends before it, with the outputs conv;", printed)
+        self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['conv'])
+        self.refused(4, "layer 'boxes' (BoxOutput)", 'onnx', prototxt, model, self.onnx, '--end', 'boxes')
         # If other layers read its input, the net cannot be truncated before it.
-        prototxt, model = self.net(detection + layer('prob', 'Softmax', 'conf_flat'), blobs, 'read_twice')
-        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--fixed')
-
-    def test_boxes_of_forks_are_skipped(self):
-        for kind, parameters in (
-                ('YoloDetectionOutput', 'yolo_detection_output_param { num_classes: 1 num_box: 1 biases: [1, 1] }'),
-                ('Yolov3DetectionOutput', 'yolov3_detection_output_param { num_classes: 1 num_box: 1 biases: [1, 1] mask: 0 '
-                                          'mask_group_num: 1 anchors_scale: 8 }'),
-                ('BoxOutput', 'box_output_param { field_w: 8 field_h: 8 downsample_rate: 8 }')):
-            net = input_layer(1, 3, 8, 8) + layer('conv', 'Convolution', parameters='convolution_param { num_output: 6 kernel_size: 1 }')
-            prototxt, model = self.net(net + layer('boxes', kind, 'conv', parameters=parameters),
-                                       {'conv': [numbers(6, 3, 1, 1), numbers(6)]}, kind)
-            printed = self.convert('onnx', prototxt, model, self.onnx)
-            self.assertIn(f"note: layer 'boxes' ({kind}) cannot be exported to ONNX", printed)
-            self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['conv'])
+        prototxt, model = self.net(net + layer('prob', 'Softmax', 'conv'), blobs, 'read_twice')
+        self.refused(4, "layer 'boxes' (BoxOutput)", 'onnx', prototxt, model, self.onnx, '--fixed')
 
     def test_shapes_of_inputs_are_written_with_x_or_commas(self):
         for shape in ('2x3x15x17', '2,3,15,17', 'data=2,3,15,17'):

@@ -79,7 +79,7 @@ COMMANDS = {
     'onnx': Command(
         'a Caffe network as an ONNX model',
         "Export a network to ONNX (opset 17). Compares ONNX Runtime's outputs with revisit's on the same input, and again at "
-        'another input size. A net that ends in DetectionOutput (SSD) is truncated before it, with a note.',
+        'another input size. A net that ends in BoxOutput (MS-CNN) is truncated before it, with a note.',
         '  revisit-convert onnx deploy.prototxt model.caffemodel model.onnx\n'
         '  revisit-convert onnx deploy.prototxt model.caffemodel front.onnx --end conv3+pool5 --input 1x3x107x400\n'
         '  revisit-convert onnx deploy.prototxt model.npz half.onnx --float16\n',

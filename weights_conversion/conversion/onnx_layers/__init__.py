@@ -6,9 +6,9 @@ A function takes the builder and a Site, and returns the names of the layer's ou
 from dataclasses import dataclass
 
 from revisit.errors import UnsupportedError
-from . import arithmetic, moving, normalizing, pooling, recurrent, windows
+from . import arithmetic, detections, moving, normalizing, pooling, recurrent, windows
 
-EMIT = {**arithmetic.EMIT, **moving.EMIT, **normalizing.EMIT, **pooling.EMIT, **recurrent.EMIT, **windows.EMIT}
+EMIT = {**arithmetic.EMIT, **detections.EMIT, **moving.EMIT, **normalizing.EMIT, **pooling.EMIT, **recurrent.EMIT, **windows.EMIT}
 
 
 @dataclass
