@@ -15,6 +15,7 @@ import caffe_needs  # noqa: F401  exits without protobuf
 import revisit
 import revisit.caffe as caffe
 from folders import FolderTest
+from google.protobuf import text_format
 
 # x -> 2 x, in place max(x, 0), + 10; and a parallel copy of this chain.
 CHAIN = """
@@ -552,6 +553,44 @@ layer { name: "drop" type: "Dropout" bottom: "data" top: "drop" dropout_param { 
         self.assertEqual(set(np.unique(first)), {0, 2})
         self.assertTrue((first != second).any())
         np.testing.assert_array_equal(passes(), [first, second])
+        net, repeated = self.net(text), []
+        for _ in range(2):
+            caffe.set_random_seed(7)
+            repeated.append(net.forward(data=np.ones((1, 1000)))['drop'].copy())
+        np.testing.assert_array_equal(repeated, [first, first])
+
+    def test_callbacks_see_each_layer(self):
+        plain = self.net(WEIGHTED).forward(data=IMAGE)
+        caffe.set_random_seed(3)
+        net, seen = self.net(WEIGHTED), []
+        whole = {name: array.copy() for name, array in net.forward(data=IMAGE).items()}
+        net.before_forward(lambda i: seen.append(('before', net._layer_names[i])))
+        net.after_forward(lambda i: seen.append(('after', net._layer_names[i])))
+        for name, array in net.forward(data=IMAGE).items():
+            np.testing.assert_allclose(array, whole[name], rtol=1e-5, atol=1e-6)
+        self.assertEqual(seen, [(when, name) for name in net._layer_names for when in ('before', 'after')])
+        self.assertEqual(set(plain), set(whole))
+        net.before_forward(lambda i: net.blobs['data'].data.fill(0))  # may change what the next layer reads
+        self.assertFalse(np.allclose(net.forward(data=IMAGE)['fc'], whole['fc']))
+        with self.assertRaisesRegex(caffe.TrainingError, 'gradients are not computed'):
+            net.before_backward(print)
+
+    def test_modules_of_pycaffe_exist_or_say_what_to_do(self):
+        from revisit.caffe import draw, pycaffe
+        self.assertIs(pycaffe.Net, caffe.Net)
+        with self.assertRaisesRegex(ImportError, 'copy .*model_libs.py'):
+            from revisit.caffe import model_libs  # noqa: F401
+        net = text_format.Parse(WEIGHTED, caffe.proto.caffe_pb2.NetParameter())
+        self.assertEqual(draw.get_edge_label(net.layer[1]), '3')
+        self.assertEqual(draw.get_layer_label(net.layer[1], 'LR'), r'conv\n(Convolution)\nkernel size: 1 stride: 1 pad: 0')
+        try:
+            import pydot  # noqa: F401
+        except ImportError:
+            with self.assertRaisesRegex(ImportError, 'pip install pydot'):
+                draw.get_pydot_graph(net, 'LR')
+            return
+        text = draw.get_pydot_graph(net, 'LR').to_string()
+        self.assertEqual(text.count('->'), sum(len(layer.top) + len(layer.bottom) for layer in net.layer))
 
     def test_a_net_without_its_phase(self):
         file = self.write(WEIGHTED)

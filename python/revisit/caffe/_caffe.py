@@ -23,8 +23,9 @@ class TrainingError(NotImplementedError):
 
     def __init__(self, what):
         super().__init__(
-            f'{what} is for training, but this package only runs trained networks; train with the original '
-            'Caffe and load the caffemodel with caffe.Net(prototxt, caffe.TEST, weights=...)'
+            f'{what}: gradients are not computed, because this package only runs trained networks; train with the original '
+            'Caffe and load the caffemodel with caffe.Net(prototxt, caffe.TEST, weights=...); for gradients of an input '
+            '(DeepDream, Grad-CAM), convert the net with `revisit-convert onnx` and load it in PyTorch'
         )
 
 
@@ -79,6 +80,7 @@ class Net:
         self._blob_names = _structure.blob_names(self.layers)
         self.inputs = _structure.inputs(self.layers)
         self.outputs = _structure.outputs(self.layers)
+        self._callbacks = [], []  # before and after each layer
         self._batches = None  # start indices of the next batches of _images; see set_input_arrays()
         self.blobs = OrderedDict()
         self._make_inputs(net.layer, views)
@@ -250,6 +252,14 @@ class Net:
                 continue
             self._take_shapes(self._ranges, self._ranges.part(*step))
 
+    def before_forward(self, function):
+        """Calls function(index of the layer) before each layer of later passes. The layers then run one by one."""
+        self._callbacks[0].append(function)
+
+    def after_forward(self, function):
+        """Calls function(index of the layer) after each layer of later passes. The layers then run one by one."""
+        self._callbacks[1].append(function)
+
     def _forward(self, first, last):
         """Runs layers first to last, inclusive. Returns the loss: 0, because losses are for training."""
         if self._phase == caffe_pb2.TRAIN:
@@ -257,6 +267,18 @@ class Net:
         self._weights.update()
         if first == 0 and self._batches is not None:
             self._take_batch()
+        if not any(self._callbacks):
+            return self._run_layers(first, last)
+        for layer in range(first, last + 1):
+            for function in self._callbacks[0]:
+                function(layer)
+            self._weights.update()
+            self._run_layers(layer, layer)
+            for function in self._callbacks[1]:
+                function(layer)
+        return 0.0
+
+    def _run_layers(self, first, last):
         for step in _structure.steps(self.layers, first, last):
             if isinstance(step, _structure.Layer):
                 blobs = self._blobs_of(step)
@@ -376,6 +398,12 @@ class Net:
         raise TrainingError('Net.backward()')
 
     _backward = backward
+
+    def before_backward(self, function):
+        """Raises TrainingError."""
+        raise TrainingError('Net.before_backward()')
+
+    after_backward = before_backward
 
     def forward_backward_all(self, blobs=None, diffs=None, **inputs):
         """Raises TrainingError."""

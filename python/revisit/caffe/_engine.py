@@ -118,10 +118,11 @@ class Ranges:
                 added.name += ' (again)'
             names[added.name] = None
             written.update(inputs, added.top)
+        self._draws = any(layer.dropout_param.sample_weights_test for layer in self._net.layer)
         self.names = list(names)  # the engine's names of the layers that it computes, in order
         self._engine = None
         self._parts = {}  # (first, last) -> part of the engine's net
-        self._passes = OrderedDict()  # part, threads and input shapes -> _Pass, the oldest first
+        self._passes = OrderedDict()  # part, threads, seeds and input shapes -> _Pass, the oldest first
 
     def load(self, weights):
         """Loads the engine's net. Returns layer name -> arrays of the engine.
@@ -148,7 +149,7 @@ class Ranges:
 
     def _pass(self, part, blobs):
         shapes = {name: blobs[name].shape for name in part.inputs}
-        key = (id(part), threads(), *map(tuple, shapes.values()))
+        key = (id(part), threads(), _weights.n_seeds() if self._draws else 0, *map(tuple, shapes.values()))
         if key not in self._passes:
             while len(self._passes) >= _MAX_PASSES:
                 self._passes.popitem(last=False)

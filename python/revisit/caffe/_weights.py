@@ -13,12 +13,19 @@ from ._structure import computing
 from .proto import caffe_pb2
 
 _random = np.random.default_rng()
+_n_seeds = 0
 
 
 def set_random_seed(seed):
-    """Seeds random weights and passes of nets created later. Values differ from the original Caffe's."""
-    global _random
+    """Seeds random weights of nets created later, and later passes of all nets. Values differ from the original Caffe's."""
+    global _random, _n_seeds
     _random = np.random.default_rng(seed)
+    _n_seeds += 1
+
+
+def n_seeds():
+    """Returns the number of calls of set_random_seed(): a pass that was planned before another call has an old seed."""
+    return _n_seeds
 
 
 def pass_seed():
