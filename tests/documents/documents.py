@@ -5,7 +5,7 @@
 
 - Every fenced block names its language. Blocks of ```sh are run by bash in a folder made for the document
   (below), in the order of the text, and must succeed.
-- A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
+- A block of ```sh behind the comment <!-- not run: REASON --> is only checked: `revisit` must know the options, scripts and presets must exist,
   a Python script must know the options. Code between backquotes that begins with `revisit ` is checked likewise.
 - A sentence has at most SENTENCE_WORDS words. A piece of code between backquotes is one word.
 - A table cell has at most CELL_WORDS words, and no formula (FORMULA). Tables that a program writes are exempt.
@@ -63,25 +63,27 @@ def documents():
 class Block:
     """A fenced block: `line` is its first, counted from 1; `reason` why it is not run."""
 
-    def __init__(self, info, line):
-        self.language, _, rest = info.partition(' ')
-        self.line, self.text, self.rest = line, '', rest
-        self.reason = rest.removeprefix('not run:').strip() if rest.startswith('not run:') else None
+    def __init__(self, info, line, before):
+        self.language, _, self.rest = info.partition(' ')
+        self.line, self.text = line, ''
+        comment = re.fullmatch(r'\s*<!-- not run: (.+) -->', before)
+        self.reason = comment[1] if comment else None
 
 
 def split(document):
     """Returns the fenced blocks of a document, and its other lines (empty where a block is)."""
-    blocks, prose, block = [], [], None
+    blocks, prose, block, before = [], [], None, ''
     for number, line in enumerate(document.read_text().splitlines(), 1):
         fence = line.lstrip().startswith('```')
         if fence and block is None:
-            block = Block(line.strip()[3:].strip(), number)
+            block = Block(line.strip()[3:].strip(), number, before)
             blocks.append(block)
         elif fence:
             block = None
         elif block is not None:
             block.text += line + '\n'
         prose.append('' if fence or block is not None else line)
+        before = line
     return blocks, prose
 
 
@@ -120,7 +122,7 @@ def cells(prose):
     """Yields (number of its line, text) of each table cell, without tables that a program writes."""
     written = False
     for number, line in enumerate(prose, 1):
-        if line.startswith('<!-- '):
+        if line.startswith('<!-- ') and not line.startswith('<!-- not run'):
             written = not line.startswith('<!-- end')
         elif line.startswith('|'):
             if not written and not re.fullmatch(r'[|: -]+', line):
@@ -364,8 +366,8 @@ def main():
                     checker.fault(document, block.line, 'the block says no language (sh, text, cpp ...)')
                 elif block.language == 'cpp':
                     checker.check_program(document, block)
-                elif block.language == 'sh' and block.rest and not block.reason:
-                    checker.fault(document, block.line, "behind `sh` stands nothing, or 'not run: REASON'")
+                elif block.rest:
+                    checker.fault(document, block.line, 'behind the language stands nothing; <!-- not run: REASON --> stands before the block')
             for block in shell:
                 if block.reason:
                     checker.check_block(document, block)
