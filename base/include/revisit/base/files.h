@@ -79,13 +79,13 @@ class FileCursor {
   void read_at(uint64_t position, void* destination, uint64_t n);
 
   std::filesystem::path file_;
-  std::shared_ptr<const int> descriptor_;  // null: the file is in memory
+  std::shared_ptr<const int> descriptor_;  ///< null: the file is in memory
   std::string_view content_;
   uint64_t size_ = 0;
   uint64_t position_ = 0;
   uint64_t bytes_read_ = 0;
   std::vector<uint8_t> buffer_;
-  uint64_t buffer_begin_ = 0;  // [bytes] offset of buffer_ in the file
+  uint64_t buffer_begin_ = 0;  ///< [bytes] offset of buffer_ in the file
 };
 
 /// An unnamed temporary file for data that need not stay in memory, in TMPDIR, else /var/tmp or
@@ -106,13 +106,13 @@ class UnnamedFile {
 
  private:
   int file_ = -1;
-  int owner_;  // process
+  int owner_;  ///< process
   int64_t size_ = 0;
 };
 
 /// Type of a number in a binary file.
 struct NumberType {
-  char kind = '?';  // as in NumPy: 'f' float, 'i' signed, 'u' unsigned; '?' another type
+  char kind = '?';  ///< as in NumPy: 'f' float, 'i' signed, 'u' unsigned; '?' another type
   size_t bytes = 0;
   bool big_endian = false;
 };

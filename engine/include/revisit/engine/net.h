@@ -44,7 +44,7 @@ struct LoadOptions {
 
 struct Port {
   std::string name;
-  Shape shape;  // the maximum, if the number of rows depends on the data
+  Shape shape;  ///< the maximum, if the number of rows depends on the data
 };
 
 struct PlanOptions {
@@ -98,10 +98,10 @@ struct ReceptiveField {
 };
 
 struct BufferUse {
-  std::string what;  // layer that owns the output or scratch
+  std::string what;  ///< layer that owns the output or scratch
   int64_t offset_bytes = 0, bytes = 0;
   size_t first_layer = 0,
-         last_layer = 0;  // indices into Plan::layers(); last may be one past the end
+         last_layer = 0;  ///< indices into Plan::layers(); last may be one past the end
 };
 
 struct LayerCost {
@@ -115,11 +115,11 @@ struct LayerCost {
   /// requested".
   std::string selection_reason;
   bool winograd = false;
-  bool exact = false;  // only moves or selects values, or (leaky ReLU) scales each once
+  bool exact = false;  ///< only moves or selects values, or (leaky ReLU) scales each once
   std::vector<Shape> inputs, outputs, weights;
   /// Blob names of inputs and outputs in the file; an in-place layer repeats a name.
   std::vector<std::string> input_blobs, blobs;
-  int64_t macs = 0;  // multiply-accumulates; 0 where not applicable
+  int64_t macs = 0;  ///< multiply-accumulates; 0 where not applicable
   /// Multiplications that the kernel executes, in `products`: fewer than macs for Winograd's
   /// algorithm and single-channel inputs.
   int64_t multiplications = 0;
@@ -129,11 +129,11 @@ struct LayerCost {
   int64_t read_bytes = 0, written_bytes = 0;
   int64_t parameters = 0;
   int64_t packed_weight_bytes = 0;
-  int64_t activation_bytes = 0;  // memory of the outputs; 0 if shared with the input
+  int64_t activation_bytes = 0;  ///< memory of the outputs; 0 if shared with the input
   /// Receptive fields of the first output's rows and columns; nullopt if they cover the entire
   /// input or the output is not an image.
   std::optional<ReceptiveField> field_h, field_w;
-  std::vector<size_t> input_layers;  // indices into Plan::layers()
+  std::vector<size_t> input_layers;  ///< indices into Plan::layers()
 };
 
 class Run;
@@ -270,14 +270,14 @@ class Run {
 
  private:
   struct Memory;
-  Memory& memory() const;  // throws UsageError when moved from
+  Memory& memory() const;  ///< throws UsageError when moved from
   Plan plan_;
   std::unique_ptr<Memory> memory_;
 };
 
 struct LayerType {
-  std::string type;    // as in the prototxt
-  std::string origin;  // "Caffe", or the fork it comes from
+  std::string type;    ///< as in the prototxt
+  std::string origin;  ///< "Caffe", or the fork it comes from
   std::string does;
 };
 

@@ -25,7 +25,7 @@ enum class Precision {
 /// scalar has none. Their product is at most kMaxElements, checked on construction.
 class Shape {
  public:
-  static constexpr int64_t kMaxElements = INT32_MAX;  // Caffe's own limit
+  static constexpr int64_t kMaxElements = INT32_MAX;  ///< Caffe's own limit
 
   Shape() = default;
   /// Throws InputError for an axis below 1, too many axes, or too many elements.

@@ -16,8 +16,8 @@ struct Limits {
   int64_t layers = 20'000;
 };
 
-inline constexpr int64_t kMaxElements = INT32_MAX;  // Caffe's limit for an array
-inline constexpr size_t kMaxAxes = 32;              // Caffe's limit for a shape
-inline constexpr int kMaxNesting = 100;             // protobuf's limit for messages
+inline constexpr int64_t kMaxElements = INT32_MAX;  ///< Caffe's limit for an array
+inline constexpr size_t kMaxAxes = 32;              ///< Caffe's limit for a shape
+inline constexpr int kMaxNesting = 100;             ///< protobuf's limit for messages
 
 }  // namespace revisit::proto

@@ -43,14 +43,14 @@ struct NetReadOptions {
 struct NetFile {
   /// Part of a layer's text that does not parse and is missing in `net`.
   struct Unread {
-    int layer;        // index in `net`
-    bool is_error;    // else a warning
-    InputError what;  // to be thrown if the layer is needed
+    int layer;        ///< index in `net`
+    bool is_error;    ///< else a warning
+    InputError what;  ///< to be thrown if the layer is needed
   };
   caffe::NetParameter net;
-  std::vector<Unread> unread;                  // with NetReadOptions::keep_unread
-  std::map<std::string, std::string> skipped;  // fate of skipped layers, by name
-  std::vector<std::string> warnings;           // upgrades and changes to training layers
+  std::vector<Unread> unread;                  ///< with NetReadOptions::keep_unread
+  std::map<std::string, std::string> skipped;  ///< fate of skipped layers, by name
+  std::vector<std::string> warnings;           ///< upgrades and changes to training layers
 };
 
 /// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and
@@ -91,19 +91,19 @@ using ValueId = int;
 /// A tensor that is written once (SSA): an in-place ReLU creates a new value of the same blob.
 struct Value {
   std::string blob;
-  ValueId memory = -1;  // first value in the memory where Caffe stores this one
+  ValueId memory = -1;  ///< first value in the memory where Caffe stores this one
 };
 
 /// A layer of the file, or an inserted Split with two inputs: it shows the first, which an in-place
 /// layer wrote, in the shape of the second, which shares its memory.
 struct Node {
   std::string name, type;
-  int index = -1;  // position of the layer in the file; -1: inserted
+  int index = -1;  ///< position of the layer in the file; -1: inserted
   std::vector<ValueId> inputs, outputs;
-  bool in_place = false;  // in the file: an output has the blob name of the input at its position
-  // Invalid names, which are errors only if the layer is needed:
-  std::string dangling = {};     // an input, with id -1, that no earlier layer writes
-  std::string overwritten = {};  // an output that another layer has written
+  bool in_place = false;  ///< in the file: an output has the blob name of the input at its position
+  /// Invalid names, which are errors only if the layer is needed:
+  std::string dangling = {};     ///< an input, with id -1, that no earlier layer writes
+  std::string overwritten = {};  ///< an output that another layer has written
 };
 
 /// Nodes in execution order.
@@ -111,7 +111,7 @@ struct Graph {
   std::string name;
   std::vector<Node> nodes;
   std::vector<Value> values;
-  std::vector<std::pair<std::string, ValueId>> outputs;  // names; blobs without consumers if full
+  std::vector<std::pair<std::string, ValueId>> outputs;  ///< names; blobs without consumers if full
   std::vector<std::string> warnings;
 };
 

@@ -11,7 +11,8 @@
 
 namespace revisit::proto {
 
-inline constexpr uint64_t kMaxNpyHeader = 64 * 1024;  // [bytes] NumPy writes a few hundred at most
+inline constexpr uint64_t kMaxNpyHeader =
+    64 * 1024;  ///< [bytes] NumPy writes a few hundred at most
 
 /// Reads the header (versions 1-3) of a float32 array in C order and returns its shape; leaves the
 /// cursor at the array. Throws InputError if the header is invalid or of another array.

@@ -8,7 +8,7 @@
 
 namespace revisit {
 
-constexpr double kSensorHeight = 1.73;  // [m] above the road, as on KITTI's car
+constexpr double kSensorHeight = 1.73;  ///< [m] above the road, as on KITTI's car
 
 /// Equal settings give equal bytes for any number of threads.
 struct SimulationConfig {

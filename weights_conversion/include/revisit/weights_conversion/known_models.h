@@ -8,22 +8,23 @@
 namespace revisit::models {
 
 struct KnownModel {
-  std::string name{};         // argument of `revisit models fetch`
-  std::string address{};      // URL of the weights or of an archive; "" if unknown
-  std::string file{};         // name in the cache: <cache>/<name>/<file>
-  std::string sha1{};         // lower-case hexadecimal; "" if not published
-  std::string sha1_source{};  // publication of the SHA-1; "" without sha1
+  std::string name{};         ///< argument of `revisit models fetch`
+  std::string address{};      ///< URL of the weights or of an archive; "" if unknown
+  std::string file{};         ///< name in the cache: <cache>/<name>/<file>
+  std::string sha1{};         ///< lower-case hexadecimal; "" if not published
+  std::string sha1_source{};  ///< publication of the SHA-1; "" without sha1
   /// The SHA-1 has a single third-party source, so a file with another one may be the original.
   bool sha1_is_doubtful = false;
   std::string license{};
-  std::optional<std::array<double, 3>> mean_bgr{};  // mean to subtract, in 0..255; absent: unknown
-  int input_size = 0;                               // height and width in training [pixels]
+  std::optional<std::array<double, 3>>
+      mean_bgr{};      ///< mean to subtract, in 0..255; absent: unknown
+  int input_size = 0;  ///< height and width in training [pixels]
   /// Suggested truncations; the paper's best first. "pool5": the feature is the output of this
   /// layer; "conv3+pool5": of conv3, after its in-place ReLU, followed by a copy of pool5.
   std::vector<std::string> cuts{};
-  std::string own_net{};  // name of own_net(); "" if none
+  std::string own_net{};  ///< name of own_net(); "" if none
   std::string prototxt_address{};
-  bool needs_browser = false;  // the URL is a web page instead of the file
+  bool needs_browser = false;  ///< the URL is a web page instead of the file
   std::string notes{};
 };
 

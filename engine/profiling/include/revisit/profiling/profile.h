@@ -23,12 +23,12 @@ constexpr int kMinSamplesForInterval = 8;
 /// p95 is the nearest-rank 95th percentile. `samples_ms` must not be empty.
 Timing summarize(std::vector<double> samples_ms);
 
-constexpr int kWarmup = 2, kRepeat = 20;  // default numbers of passes
+constexpr int kWarmup = 2, kRepeat = 20;  ///< default numbers of passes
 
 struct Profile {
-  std::vector<Timing> layers;  // as Plan::layers(), from instrumented passes
+  std::vector<Timing> layers;  ///< as Plan::layers(), from instrumented passes
   Timing layer_sum;
-  Timing total;  // uninstrumented passes
+  Timing total;  ///< uninstrumented passes
   int passes = 0;
 };
 
@@ -42,15 +42,15 @@ Profile profile(engine::Run& run, int warmup = kWarmup, int repeat = kRepeat,
 struct Bandwidth {
   int64_t bytes = 0;
   double read = 0;
-  double copy = 0;  // bytes read plus bytes written
+  double copy = 0;  ///< bytes read plus bytes written
 };
 
 /// Limits of this machine with some number of threads: compute and bandwidth of the roofline model
 /// (Williams, Waterman and Patterson, 2009).
 struct SpeedLimits {
   int threads = 1;
-  double float32_gflops = 0;  // a multiply-add counts as two operations
-  double bf16_gflops = 0;     // 0 without bfloat16 instructions
+  double float32_gflops = 0;  ///< a multiply-add counts as two operations
+  double bf16_gflops = 0;     ///< 0 without bfloat16 instructions
   /// From a working set in a core's caches to one beyond all caches, ascending.
   std::vector<Bandwidth> bandwidths;
 

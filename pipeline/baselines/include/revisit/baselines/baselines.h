@@ -15,9 +15,9 @@ namespace revisit {
 /// G. Kim, A. Kim: Scan Context: Egocentric Spatial Descriptor for Place Recognition within 3D
 /// Point Cloud Map, IROS 2018.
 struct ScanContextOptions {
-  int rings = 20, sectors = 60;  // Nr, Ns
-  double max_range = 80;         // [m], Lmax: maximum horizontal range
-  double sensor_height = 2;      // [m], added to z so that the ground is near 0
+  int rings = 20, sectors = 60;  ///< Nr, Ns
+  double max_range = 80;         ///< [m], Lmax: maximum horizontal range
+  double sensor_height = 2;      ///< [m], added to z so that the ground is near 0
   /// Candidates preselected by ring keys (the paper: 10 or 50); 0: all.
   int64_t candidates = 0;
 };

@@ -35,14 +35,14 @@ std::vector<double> read_kitti_times(const std::filesystem::path& file);
 
 struct ScanRef {
   std::filesystem::path file;
-  int frame = 0;  // index in the sequence; KITTI: the number in the file name (gaps are allowed)
-  std::optional<Pose> pose;    // T_world_cam for KITTI, else T_world_lidar; absent if unknown
-  std::optional<double> time;  // [s]
-  std::string place;           // in a data set sorted by places; else ""
+  int frame = 0;  ///< index in the sequence; KITTI: the number in the file name (gaps are allowed)
+  std::optional<Pose> pose;    ///< T_world_cam for KITTI, else T_world_lidar; absent if unknown
+  std::optional<double> time;  ///< [s]
+  std::string place;           ///< in a data set sorted by places; else ""
   /// Reads the points of a scan without a file of its own, e.g. in a bag; `file` only names it.
   /// Throws InputError.
   std::function<void(PointCloud&)> read;
-  std::string checksum;  // of these points
+  std::string checksum;  ///< of these points
   /// Convention of the file's times of points; absent: decided from the file alone.
   std::optional<PointTimes> point_times;
 };
@@ -56,14 +56,14 @@ void read_scan_into(const ScanRef& scan, PointCloud& cloud);
 /// A sequence, or any folder of scans, in frame order.
 struct Dataset {
   std::string name;
-  std::string sequence;  // e.g. "00"; "" for a plain folder
+  std::string sequence;  ///< e.g. "00"; "" for a plain folder
   std::vector<ScanRef> scans;
   /// Counts frames whose scans are missing or skipped, too; 0 without poses.
   int64_t n_poses = 0;
   /// The world has KITTI's camera axes: x right, y down, z forward. Else it has z up.
   bool camera_axes = false;
   std::vector<std::string> warnings;
-  std::string point_times;  // PointTimes::text; "" if unknown, or if files have no times
+  std::string point_times;  ///< PointTimes::text; "" if unknown, or if files have no times
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;
@@ -99,8 +99,8 @@ Dataset image_folder(const std::filesystem::path& folder);
 
 struct TimedPoses {
   std::string file;
-  std::vector<double> times;  // [s]; empty in KITTI's format, where pose i belongs to frame i
-  std::vector<Pose> poses;    // as stored
+  std::vector<double> times;  ///< [s]; empty in KITTI's format, where pose i belongs to frame i
+  std::vector<Pose> poses;    ///< as stored
 };
 
 /// `format`: "kitti", the 12 values of a 3 x 4 matrix; "tum", time [s] x y z qx qy qz qw; "euroc",

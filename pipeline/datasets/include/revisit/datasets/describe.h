@@ -18,7 +18,7 @@ namespace revisit {
 struct DescribeOptions {
   ImageGeometry geometry;
   AlignCase align = AlignCase::kOne;
-  Perturbation perturbation;  // of every scan; the result does not depend on other scans
+  Perturbation perturbation;  ///< of every scan; the result does not depend on other scans
   uint32_t seed = 0;
   /// Scans processed at once, one thread each. Does not change the values.
   int threads = 1;
@@ -29,7 +29,7 @@ struct DescribeOptions {
 /// [ms] on one thread, for each scan described in this process.
 struct DescribeTimes {
   std::vector<double> read, align, project, close, feature, write;
-  double wall_ms = 0;  // all threads
+  double wall_ms = 0;  ///< all threads
   /// CPU time from points or image in memory to the feature; other processes do not affect it.
   std::vector<double> processor;
 
@@ -39,12 +39,12 @@ struct DescribeTimes {
 /// 6 floats, the first four as in Alignment; NaN if unknown: images, skipped scans, clouds without
 /// direction.
 struct AlignmentRecord {
-  float yaw = 0;  // [rad]
+  float yaw = 0;  ///< [rad]
   float eigenvalue_ratio = 0;
   float abs_t11 = 0;
-  float mirrored_choice = 0;  // 0 or 1
-  float outside = 0;          // RangeImage::outside_share(); NaN without a range image
-  float described = 1;        // 0: the scan could not be described, its feature is all zero
+  float mirrored_choice = 0;  ///< 0 or 1
+  float outside = 0;          ///< RangeImage::outside_share(); NaN without a range image
+  float described = 1;        ///< 0: the scan could not be described, its feature is all zero
 };
 
 /// Must be incremented with every change that alters features beyond the last digits of a float,

@@ -17,7 +17,7 @@ struct Observer {
   std::function<Progress(const char* verb, const char* unit)> stage = [](const char*, const char*) {
     return [](int64_t, int64_t) {};
   };
-  std::function<bool()> stop = [] { return false; };  // true: the work throws Interrupted
+  std::function<bool()> stop = [] { return false; };  ///< true: the work throws Interrupted
 };
 
 /// Returns a function that measures milliseconds since its last call, at first since this one.

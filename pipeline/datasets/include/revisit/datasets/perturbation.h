@@ -12,17 +12,17 @@ namespace revisit {
 
 struct PerturbationStep {
   enum class Kind {
-    kTurn,    // yaw [deg], left positive; absent: random
-    kRoll,    // [deg], about x
-    kPitch,   // [deg], about y
-    kHeight,  // [m], lowers the sensor; negative: raises it
-    kKeep,    // fraction of the points that are kept
-    kSector,  // [deg], width of an occluded sector at a random azimuth
-    kBeams,   // every n-th beam is kept
-    kNoise,   // [m], standard deviation of each of x, y, z
-    kRange,   // [m], maximum range in the ground plane
-    kRain,    // fraction of the returns that come from 0.5 to 10 m instead
-    kTruck,   // has no amount
+    kTurn,    ///< yaw [deg], left positive; absent: random
+    kRoll,    ///< [deg], about x
+    kPitch,   ///< [deg], about y
+    kHeight,  ///< [m], lowers the sensor; negative: raises it
+    kKeep,    ///< fraction of the points that are kept
+    kSector,  ///< [deg], width of an occluded sector at a random azimuth
+    kBeams,   ///< every n-th beam is kept
+    kNoise,   ///< [m], standard deviation of each of x, y, z
+    kRange,   ///< [m], maximum range in the ground plane
+    kRain,    ///< fraction of the returns that come from 0.5 to 10 m instead
+    kTruck,   ///< has no amount
   };
   Kind kind = Kind::kTurn;
   std::optional<double> amount;

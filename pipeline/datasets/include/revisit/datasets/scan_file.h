@@ -47,20 +47,20 @@ constexpr const char* kPointTimeNames[] = {
 
 /// Times of a scan's points as recorded. timestampSec and timestampNsec are nanoseconds together.
 struct RecordedTimes {
-  std::string field;            // name; "" without times
-  std::vector<double> values;   // [points]
-  std::optional<double> stamp;  // of the scan [s]
+  std::string field;            ///< name; "" without times
+  std::vector<double> values;   ///< [points]
+  std::optional<double> stamp;  ///< of the scan [s]
 };
 
 /// Convention of per-point times, the same for all scans of a recording.
 struct PointTimes {
-  double unit = 0;        // of a value [s]; 0: no times
-  double period = 0.1;    // of the scans [s]
-  bool of_clock = false;  // values count from a clock's origin; else from the scan's stamp
+  double unit = 0;        ///< of a value [s]; 0: no times
+  double period = 0.1;    ///< of the scans [s]
+  bool of_clock = false;  ///< values count from a clock's origin; else from the scan's stamp
   /// The clock of the values minus that of the stamps [s]: 0, or TAI's or GPS's; NaN: unrelated
   /// clocks, so that times count from the earliest point.
   double ahead = 0;
-  std::string text;  // for messages: "field t, ns"; or the reason why there are no times
+  std::string text;  ///< for messages: "field t, ns"; or the reason why there are no times
 
   /// Seconds from the stamp. NaN: this value is invalid, e.g. 0 for a lost packet. Empty if the
   /// values cannot be times of one scan.
@@ -96,7 +96,7 @@ inline constexpr int64_t kMaxImagePixels = int64_t{4} << 20;
 /// Reads any PNG as gray (luminance of sRGB). Throws InputError, also above kMaxImagePixels.
 GrayImage read_gray_png(const std::filesystem::path& file);
 
-GrayImage gray_of(const RangeImage& image);  // rounded
+GrayImage gray_of(const RangeImage& image);  ///< rounded
 
 /// Throws Error with `what`.
 std::string png_of(const GrayImage& image, const std::string& what);

@@ -10,18 +10,18 @@
 namespace revisit {
 
 enum class RingSupervision {
-  kLoops,     // poses: all pairs of near scans, also of different passes
-  kOdometry,  // poses with drift: scans near in space and in time
-  kSequence,  // consecutive scans; their own rings determine the relative yaw
-  kScans,     // no pairs, scans only
+  kLoops,     ///< poses: all pairs of near scans, also of different passes
+  kOdometry,  ///< poses with drift: scans near in space and in time
+  kSequence,  ///< consecutive scans; their own rings determine the relative yaw
+  kScans,     ///< no pairs, scans only
 };
 
 struct TrainRingOptions {
   RingSupervision supervision = RingSupervision::kLoops;
-  double radius = 5;      // [m], maximum distance of two scans of one place
-  int frames_apart = 50;  // kOdometry: maximum distance of a pair in frames
-  int sectors = 128;      // of the CNN ring
-  int cnn_scans = 200;    // maximum number of scans for the CNN ring's projection
+  double radius = 5;      ///< [m], maximum distance of two scans of one place
+  int frames_apart = 50;  ///< kOdometry: maximum distance of a pair in frames
+  int sectors = 128;      ///< of the CNN ring
+  int cnn_scans = 200;    ///< maximum number of scans for the CNN ring's projection
   /// Number of augmented copies of every scan, by random_augmentation().
   int augmentations = 2;
   int threads = 1;

@@ -15,11 +15,11 @@
 namespace revisit {
 
 struct ReductionOptions {
-  int64_t components = -1;  // of the PCA; 0: as many as the data has; -1: no PCA
+  int64_t components = -1;  ///< of the PCA; 0: as many as the data has; -1: no PCA
   /// Scans for the PCA or the ring mean: "all", the stored ones ("map"), or a folder with a PCA.
   std::string fit_on = "all";
-  double memory_gb = 2;  // working memory of the PCA; without PCA the limit for the descriptors
-  int threads = 1;       // does not affect the result
+  double memory_gb = 2;  ///< working memory of the PCA; without PCA the limit for the descriptors
+  int threads = 1;       ///< does not affect the result
 };
 
 /// Rows are all scans.
@@ -27,8 +27,8 @@ struct Descriptors {
   FloatMatrix case1;
   std::optional<FloatMatrix> case2;
   Comparison comparison;
-  std::string pca_fit;  // source of the PCA, for display
-  std::string note;     // if fewer components were kept than requested
+  std::string pca_fit;  ///< source of the PCA, for display
+  std::string note;     ///< if fewer components were kept than requested
   /// Descriptors [n][d] of more features; empty for a PCA that was not written.
   std::function<FloatMatrix(const FeatureFile& features)> of_more;
 };

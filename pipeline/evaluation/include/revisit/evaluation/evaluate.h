@@ -18,22 +18,22 @@ namespace revisit {
 
 struct EvaluationOptions {
   std::vector<std::string> protocols = {"online"};
-  // Overrides of the protocols.
+  /// Overrides of the protocols.
   std::optional<Distance> distance;
-  std::optional<double> radius;           // [m]
-  std::optional<double> negative_radius;  // [m]
+  std::optional<double> radius;           ///< [m]
+  std::optional<double> negative_radius;  ///< [m]
   std::optional<Exclusion> exclusion;
   std::optional<QueryCase> query_case;
-  std::optional<Score> score;  // absent: default of the feature and the protocol
+  std::optional<Score> score;  ///< absent: default of the feature and the protocol
 
-  int k = 4;                       // retrieved scans per query
-  int resamples = 1000;            // 0: no intervals
-  std::optional<Exclusion> block;  // bootstrap blocks: blocks_of()
-  int threads = 1;                 // for retrieval and bootstrap; does not affect the metrics
+  int k = 4;                       ///< retrieved scans per query
+  int resamples = 1000;            ///< 0: no intervals
+  std::optional<Exclusion> block;  ///< bootstrap blocks: blocks_of()
+  int threads = 1;                 ///< for retrieval and bootstrap; does not affect the metrics
   DescribeOptions describe;
   ReductionOptions reduction;
   std::filesystem::path cache;
-  bool keep_descriptors = false;  // in the cache
+  bool keep_descriptors = false;  ///< in the cache
 };
 
 /// Histogram of scores: bin i is [low + i width, low + (i + 1) width).
@@ -47,36 +47,36 @@ struct ScoreHistogram {
 struct AcceptedLoops {
   double threshold = 0;
   int64_t correct = 0, ignored = 0, incorrect = 0;
-  int64_t unlabeled = 0;  // not in the list of pairs
+  int64_t unlabeled = 0;  ///< not in the list of pairs
 };
 
 /// Of queries that are perturbed scans. A neighbor is a correct match other than the original.
 struct PerturbedFigures {
   Perturbation perturbation;
-  int64_t self = 0;      // queries that retrieve their original
-  int64_t neighbor = 0;  // of the positives: queries that retrieve a neighbor
+  int64_t self = 0;      ///< queries that retrieve their original
+  int64_t neighbor = 0;  ///< of the positives: queries that retrieve a neighbor
   /// Similarity of the best neighbor / of the best scan of another place; NaN without neighbors.
   double ratio_median = 0, ratio_min = 0;
-  int64_t skipped = 0;  // match nothing, with similarity 0
+  int64_t skipped = 0;  ///< match nothing, with similarity 0
 };
 
 struct TaskResult {
   Task task;
   Score score = Score::kMargin;
-  // In the order of task.queries; empty if the decision is per pair, and for perturbed queries
+  /// In the order of task.queries; empty if the decision is per pair, and for perturbed queries
   std::vector<Match> matches;
   std::vector<MatchLabel> labels;
   std::vector<PrPoint> curve;
   PrSummary summary;
   std::optional<PrIntervals> intervals;
-  int64_t n_blocks = 0, n_positive_blocks = 0;  // count_blocks()
-  std::optional<ScoreHistogram> histogram;      // if the decision is per pair
-  std::string query_case;                       // none, case1, case2 or both
+  int64_t n_blocks = 0, n_positive_blocks = 0;  ///< count_blocks()
+  std::optional<ScoreHistogram> histogram;      ///< if the decision is per pair
+  std::string query_case;                       ///< none, case1, case2 or both
   std::string pca_fit;
   int64_t descriptor_dim = 0;
-  std::optional<AcceptedLoops> loops;  // in driving order, with a threshold
+  std::optional<AcceptedLoops> loops;  ///< in driving order, with a threshold
   std::optional<PerturbedFigures> perturbed;
-  int64_t n_skipped = 0;  // neither stored nor queried
+  int64_t n_skipped = 0;  ///< neither stored nor queried
 
   /// Per query: score >= threshold of the maximum F1. All false without a threshold.
   std::vector<bool> accepted() const;
@@ -104,12 +104,12 @@ void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationO
 
 struct EvaluationResult {
   std::vector<TaskResult> tasks;
-  std::vector<AlignmentRecord> alignments;  // per scan, as stored
-  std::vector<int64_t> skipped;             // rows
-  // Durations. For scans described by an earlier run they are those of that run.
+  std::vector<AlignmentRecord> alignments;  ///< per scan, as stored
+  std::vector<int64_t> skipped;             ///< rows
+  /// Durations. For scans described by an earlier run they are those of that run.
   DescribeTimes describe_times;
-  std::vector<double> reduce_ms, retrieve_ms;  // per task, summed over threads
-  std::vector<double> recognize_ms;            // per scan, in driving order
+  std::vector<double> reduce_ms, retrieve_ms;  ///< per task, summed over threads
+  std::vector<double> recognize_ms;            ///< per scan, in driving order
 };
 
 /// Throws what make_tasks() throws, and UsageError for a duplicate task or without distances.
@@ -151,18 +151,18 @@ class Evaluation {
   std::vector<Task> tasks_;
   EvaluationOptions options_;
   Observer observer_;
-  DatasetFeatures case1_;  // as stored: case 1, or not aligned
+  DatasetFeatures case1_;  ///< as stored: case 1, or not aligned
   DatasetFeatures case2_;
-  std::optional<Descriptors> descriptors_;  // of the last task
-  std::vector<int64_t> stored_;             // by that task
+  std::optional<Descriptors> descriptors_;  ///< of the last task
+  std::vector<int64_t> stored_;             ///< by that task
   std::set<std::string> said_;
 };
 
 struct PerturbedQueries {
   std::vector<Perturbation> perturbations = standard_perturbations();
   uint32_t seed = 0;
-  int64_t n = 0;                     // perturbed scans, evenly spaced in the drive; 0: all
-  std::vector<Dataset> distractors;  // other places by the same sensor
+  int64_t n = 0;                     ///< perturbed scans, evenly spaced in the drive; 0: all
+  std::vector<Dataset> distractors;  ///< other places by the same sensor
 };
 
 /// Perturbs scans of a drive and uses each as a query against the unperturbed drive and the

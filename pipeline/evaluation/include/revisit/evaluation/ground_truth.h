@@ -17,12 +17,12 @@
 namespace revisit {
 
 enum class Distance {
-  kXy,  // horizontal in a world with z up: sqrt(dx^2 + dy^2)
-  kXz,  // horizontal in KITTI's world, with y down
+  kXy,  ///< horizontal in a world with z up: sqrt(dx^2 + dy^2)
+  kXz,  ///< horizontal in KITTI's world, with y down
   k3d,
-  kBox,    // max(|dx|, |dy|, |dz|): the paper's "all three coordinate differences below 3 m"
-  kPlace,  // 0 between scans of the same named place, else infinite; for data sets without poses
-  kPairs,  // none: ground truth is a list of pairs (Trajectory::listed)
+  kBox,    ///< max(|dx|, |dy|, |dz|): the paper's "all three coordinate differences below 3 m"
+  kPlace,  ///< 0 between scans of the same named place, else infinite; for data sets without poses
+  kPairs,  ///< none: ground truth is a list of pairs (Trajectory::listed)
 };
 /// "xy", "xz", "3d", "box", "place", "pairs"; throws UsageError for anything else.
 Distance parse_distance(const std::string& text);
@@ -32,8 +32,8 @@ const char* name_of(Distance distance);
 /// neither.
 struct MatchRule {
   Distance distance = Distance::kXy;
-  double radius = 5;  // [m]
-  // [m]; 0 or below the radius: matches that are not correct are incorrect.
+  double radius = 5;  ///< [m]
+  /// [m]; 0 or below the radius: matches that are not correct are incorrect.
   double negative_radius = 0;
   bool is_correct(double meters) const { return meters < radius; }
   bool is_incorrect(double meters) const { return meters >= radius && meters > negative_radius; }
@@ -44,10 +44,10 @@ enum class PairLabel { kCorrect, kIncorrect, kIgnored };
 /// Ground truth as a list of pairs, for recordings without poses. A pair is symmetric, but only its
 /// query is queried.
 struct ListedPairs {
-  using Places = std::map<int, std::set<int>>;  // frame of a query -> frames of its places
-  Places correct;                               // empty set: the query is known to have no place
+  using Places = std::map<int, std::set<int>>;  ///< frame of a query -> frames of its places
+  Places correct;                               ///< empty set: the query is known to have no place
   Places ignored;
-  bool complete = false;  // true: unlisted queries have no place; false: unknown
+  bool complete = false;  ///< true: unlisted queries have no place; false: unknown
 
   bool knows(int query) const { return complete || correct.contains(query); }
   std::string text() const;
@@ -55,13 +55,13 @@ struct ListedPairs {
 
 /// Scans of a data set, in frame order.
 struct Trajectory {
-  std::vector<int> frames;                 // strictly increasing; gaps are legal
-  std::vector<Eigen::Vector3d> positions;  // of the poses [m]; empty: unknown
-  Distance horizontal = Distance::kXy;     // of the positions' world
-  std::vector<double> times;               // [s]; empty: unknown
-  std::vector<std::string> places;         // empty: unknown
-  std::optional<ListedPairs> listed;       // replaces all other ground truth
-  int64_t n_poses = 0;  // of the complete drive, as in Dataset; identifies KITTI's sequences
+  std::vector<int> frames;                 ///< strictly increasing; gaps are legal
+  std::vector<Eigen::Vector3d> positions;  ///< of the poses [m]; empty: unknown
+  Distance horizontal = Distance::kXy;     ///< of the positions' world
+  std::vector<double> times;               ///< [s]; empty: unknown
+  std::vector<std::string> places;         ///< empty: unknown
+  std::optional<ListedPairs> listed;       ///< replaces all other ground truth
+  int64_t n_poses = 0;  ///< of the complete drive, as in Dataset; identifies KITTI's sequences
   int64_t size() const { return static_cast<int64_t>(frames.size()); }
 };
 

@@ -15,9 +15,9 @@ namespace revisit {
 
 struct MatchLabel {
   double score = 0;
-  bool correct = false;   // the best match is correct
-  bool positive = false;  // at least one candidate of the query is a correct match
-  bool ignored = false;   // the best match is neither correct nor incorrect (MatchRule)
+  bool correct = false;   ///< the best match is correct
+  bool positive = false;  ///< at least one candidate of the query is a correct match
+  bool ignored = false;   ///< the best match is neither correct nor incorrect (MatchRule)
 };
 
 /// Labels `matches`, which must correspond to `task.queries`. Throws UsageError if the trajectory
@@ -36,9 +36,9 @@ std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const T
 struct PrPoint {
   double threshold = 0;
   int64_t tp = 0, fp = 0, fn = 0, tn = 0;
-  double precision = 0;  // tp / (tp + fp); NaN if all accepted matches are ignored
-  double recall = 0;     // tp / (tp + fn), 0 for tp = 0; NaN without positives
-  double f1 = 0;         // 2 tp / (2 tp + fp + fn), 0 for tp = 0; NaN without positives
+  double precision = 0;  ///< tp / (tp + fp); NaN if all accepted matches are ignored
+  double recall = 0;     ///< tp / (tp + fn), 0 for tp = 0; NaN without positives
+  double f1 = 0;         ///< 2 tp / (2 tp + fp + fn), 0 for tp = 0; NaN without positives
 };
 
 /// One point per distinct score, highest first. Throws Error for NaN or contradictory labels.
@@ -49,16 +49,16 @@ inline constexpr double kNotComputed = std::numeric_limits<double>::quiet_NaN();
 
 /// NaN: not computed, because there are no positives.
 struct PrSummary {
-  int64_t n_queries = 0;                     // with at least one decision
-  int64_t n_positives = 0;                   // with at least one correct match
-  int64_t n_pairs = 0, n_correct_pairs = 0;  // if the decision is per pair; else 0
+  int64_t n_queries = 0;                     ///< with at least one decision
+  int64_t n_positives = 0;                   ///< with at least one correct match
+  int64_t n_pairs = 0, n_correct_pairs = 0;  ///< if the decision is per pair; else 0
   double f1_max = kNotComputed;
-  double f1_max_threshold = kNotComputed;  // highest threshold that reaches f1_max
+  double f1_max_threshold = kNotComputed;  ///< highest threshold that reaches f1_max
   /// Sum over the points of (R_i - R_{i-1}) P_i, no interpolation.
   double average_precision = kNotComputed;
   /// Positives whose best match is correct / positives; NaN for pairs.
   double recall_at_1 = kNotComputed;
-  double max_recall_at_precision_1 = kNotComputed;  // 0 if the highest score is already incorrect
+  double max_recall_at_precision_1 = kNotComputed;  ///< 0 if the highest score is already incorrect
   /// (P_R0 + R_P100) / 2: precision at the highest threshold and maximum recall at 100 % precision
   /// (Ferrarini, Waheed, Waheed, Ehsan, Milford, McDonald-Maier, RA-L 2020).
   double extended_precision = kNotComputed;
@@ -69,13 +69,13 @@ PrSummary summarize(const std::vector<MatchLabel>& labels, bool rejected_only = 
 /// consecutive queries as there are, with replacement. Queries of a block show the same street:
 /// resampling single queries (Efron 1979) would make the intervals too narrow.
 struct BootstrapOptions {
-  std::vector<int64_t> blocks;  // per query: id of its block
+  std::vector<int64_t> blocks;  ///< per query: id of its block
   int resamples = 1000;
   double confidence = 0.95;
   uint64_t seed = 1;
-  int threads = 1;                                            // does not affect the result
-  std::function<void(int64_t done, int64_t total)> progress;  // of evaluate_pairs(), in queries
-  std::function<bool()> stop;                                 // true: throw Interrupted
+  int threads = 1;                                            ///< does not affect the result
+  std::function<void(int64_t done, int64_t total)> progress;  ///< of evaluate_pairs(), in queries
+  std::function<bool()> stop;                                 ///< true: throw Interrupted
 };
 
 /// Number of blocks, and of those with a positive query, which decide the width of intervals.

@@ -13,21 +13,21 @@ namespace revisit {
 
 /// A query and the stored scans it is compared with, as indices into Task::stored.
 struct TaskQuery {
-  int64_t scan = 0;  // row of the data set
-  // Ranges before and after the excluded one; the second may be empty.
+  int64_t scan = 0;  ///< row of the data set
+  /// Ranges before and after the excluded one; the second may be empty.
   std::array<CandidateRange, 2> candidates{};
   int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
 };
 
 /// Stored scans, queries and ground truth rule. Scans are rows, because frames may have gaps.
 struct Task {
-  std::string name;                // for messages: "paper-easy", "online", "ssc", ...
-  std::vector<int64_t> stored;     // rows, ascending
-  std::vector<TaskQuery> queries;  // by row; only scans with at least one candidate
-  std::string definition;          // for display and result files
-  std::string population;          // stored scans and queries, for display
+  std::string name;                ///< for messages: "paper-easy", "online", "ssc", ...
+  std::vector<int64_t> stored;     ///< rows, ascending
+  std::vector<TaskQuery> queries;  ///< by row; only scans with at least one candidate
+  std::string definition;          ///< for display and result files
+  std::string population;          ///< stored scans and queries, for display
   bool both_cases = false;
-  MatchRule rule;  // default of the protocol; the caller may replace it
+  MatchRule rule;  ///< default of the protocol; the caller may replace it
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   /// Unit of precision and recall. True: each pair of a query and a candidate (evaluate_pairs());
   /// false: the best match of each query (precision_recall()).
@@ -36,9 +36,9 @@ struct Task {
   /// all positives. True: only rejected ones; one accepted with an incorrect match is a false
   /// positive only.
   bool rejected_only = false;
-  // True: the score is s = 2 c1 - ck; false: c1, the best similarity
+  /// True: the score is s = 2 c1 - ck; false: c1, the best similarity
   bool margin_score = true;
-  int negatives_per_positive = 0;  // random incorrect pairs per correct one; 0: all
+  int negatives_per_positive = 0;  ///< random incorrect pairs per correct one; 0: all
 };
 
 struct Protocol {

@@ -19,9 +19,9 @@
 namespace revisit {
 
 struct ScanStamp {
-  int64_t frame = 0;                      // ascends in a drive
-  std::optional<double> time;             // [s]
-  std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
+  int64_t frame = 0;                      ///< ascends in a drive
+  std::optional<double> time;             ///< [s]
+  std::optional<Eigen::Isometry3d> pose;  ///< T_world_sensor
 };
 
 /// Entries of a drive that are temporal neighbors of its next scan and excluded from matching.
@@ -39,7 +39,7 @@ class RecentEntries {
   Exclusion exclusion_;
   ExclusionCounter driven_;
   double along_ = 0;
-  // Index, and distance along the drive, in frames, seconds or meters.
+  /// Index, and distance along the drive, in frames, seconds or meters.
   std::deque<std::pair<int64_t, double>> entries_;
   std::vector<int64_t> indices_;
 };
@@ -50,9 +50,9 @@ void check_keyframes(const std::string& text);
 /// Limits of the distance between the pose of a scan and its pose by a loop. They grow with the
 /// path from the place to the scan.
 struct OdometryGate {
-  double base = 2;      // horizontal [m]
-  double rate = 0.1;    // horizontal, per meter of path; vertically a twentieth of it
-  double height = 0.5;  // vertical [m]
+  double base = 2;      ///< horizontal [m]
+  double rate = 0.1;    ///< horizontal, per meter of path; vertically a twentieth of it
+  double height = 0.5;  ///< vertical [m]
 };
 /// "BASE,RATE,HEIGHT", or "none"; throws UsageError for anything else.
 std::optional<OdometryGate> parse_odometry_gate(const std::string& text);
@@ -61,7 +61,7 @@ struct LoopDetectorOptions {
   /// File or server's address of the map (open_map()), of ring descriptors; "": a temporary map.
   /// For other options of a map, pass a Map.
   std::filesystem::path map;
-  std::string drive;  // recording in the map; drive_in_map() may add a number
+  std::string drive;  ///< recording in the map; drive_in_map() may add a number
   Exclusion exclusion;
   /// Selects the scans that become map entries (all scans are queries): "all"; "meters=1", if the
   /// distance from the last keyframe, by the poses, is at least 1 m; "similarity=0.9", if the
@@ -75,7 +75,7 @@ struct LoopDetectorOptions {
   /// Fraction of accepted loops that are correct, by the calibration. Absent:
   /// default_target_precision().
   std::optional<double> target_precision;
-  bool keep_clouds = true;  // stores points, to register later scans
+  bool keep_clouds = true;  ///< stores points, to register later scans
   /// Poses of scans are odometry: they measure the motion, and loops beyond these limits are
   /// rejected. Between two drives the limits apply after two agreeing loops, which relate their
   /// worlds. Absent: consecutive scans are registered instead, as without poses. Poses then judge
@@ -89,8 +89,8 @@ struct LoopDetectorOptions {
 };
 
 struct Detection {
-  std::string error;             // empty: the scan was described
-  std::optional<int64_t> index;  // index of the entry; absent: no keyframe
+  std::string error;             ///< empty: the scan was described
+  std::optional<int64_t> index;  ///< index of the entry; absent: no keyframe
   /// The most similar entry, or the better fitting one of three. If loops are registered, its score
   /// is Score::kVerified, with the probability for this score.
   std::optional<Loop> loop;
@@ -109,7 +109,7 @@ struct Detection {
   /// Frames of scans of the last 30 m whose accepted loops are called in question: `loop` and
   /// others contradict them. Remove them from the pose graph.
   std::vector<int64_t> questioned;
-  std::vector<int64_t> excluded;  // indices of temporal neighbors
+  std::vector<int64_t> excluded;  ///< indices of temporal neighbors
 };
 
 /// Front end of loop closure: takes the scans of one drive in order and finds revisits. Each scan

@@ -26,7 +26,7 @@ struct MapOptions {
   /// maps of any sensor have hdl64 (docs/SLAM.md).
   std::string sensor;
   MapAccess access = MapAccess::kWrite;
-  int threads = 1;  // to describe a scan
+  int threads = 1;  ///< to describe a scan
   /// Transforms points of a scan to a frame with x forward, y left and z up (parse_mount()).
   Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();
   /// LoopDetector describes and registers the points of the last meters, accumulated by the scans'
@@ -46,30 +46,30 @@ struct MapOptions {
   /// graph, that are compared exactly (make_hnsw_source()). The graph is built when a map is
   /// opened, grows with it and is not stored. 0: exhaustive search.
   int64_t hnsw_candidates = 0;
-  AlignCase align = AlignCase::kNone;  // this and `geometry`: of features of range images
+  AlignCase align = AlignCase::kNone;  ///< this and `geometry`: of features of range images
   ImageGeometry geometry;
 };
 
 struct Description {
-  std::vector<float> feature;  // empty if the scan could not be described
+  std::vector<float> feature;  ///< empty if the scan could not be described
   std::string error;
-  std::string made_by;  // FeatureExtractor::key; "": any feature of these dimensions
+  std::string made_by;  ///< FeatureExtractor::key; "": any feature of these dimensions
   bool described() const { return !feature.empty(); }
 };
 
 struct Loop {
-  int64_t index = 0;  // index in this Map, from 0, in the order of loading or adding
-  int64_t id = 0;     // this and the next four as in MapEntry
+  int64_t index = 0;  ///< index in this Map, from 0, in the order of loading or adding
+  int64_t id = 0;     ///< this and the next four as in MapEntry
   std::string drive;
   int64_t frame = 0;
   std::optional<double> time;
   std::optional<Eigen::Isometry3d> pose;
   double similarity = 0;
-  double kth_similarity = 0;  // k-th highest similarity, or that of the k-th distinct place
-  double score = 0;           // kind: MapOptions::score, or LoopDetector::score()
+  double kth_similarity = 0;  ///< k-th highest similarity, or that of the k-th distinct place
+  double score = 0;           ///< kind: MapOptions::score, or LoopDetector::score()
   /// Probability that the match is correct, by LoopDetector; absent without a calibration.
   std::optional<double> probability;
-  std::optional<double> relative_yaw;  // yaw(query) - yaw(place), CCW [rad]
+  std::optional<double> relative_yaw;  ///< yaw(query) - yaw(place), CCW [rad]
   /// The place lies where its drive looks alike for much longer than usual, as in a tunnel: its
   /// exact location is undetermined. Set only if similarities of the feature identify equal places.
   bool ambiguous = false;

@@ -21,23 +21,23 @@ namespace revisit {
 
 /// An accepted loop from an entry to an earlier one, with its registration.
 struct MapLoop {
-  int64_t place = 0;  // id of the earlier entry
+  int64_t place = 0;  ///< id of the earlier entry
   Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
 struct MapEntry {
-  int64_t id = 0;  // 1, 2, ... in the order of insertion; assigned by the map
+  int64_t id = 0;  ///< 1, 2, ... in the order of insertion; assigned by the map
   std::string drive;
   int64_t frame = 0;
-  std::optional<double> time;             // [s]
-  std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
+  std::optional<double> time;             ///< [s]
+  std::optional<Eigen::Isometry3d> pose;  ///< T_world_sensor
   std::vector<float> descriptor;
   /// Source of the descriptor, which is empty during the warm-up; empty after it.
   std::vector<float> feature;
-  std::string cloud;  // compact_cloud(); "": none. Read by MapStore::cloud()
+  std::string cloud;  ///< compact_cloud(); "": none. Read by MapStore::cloud()
   std::vector<MapLoop> loops;
-  std::vector<int64_t> questioned;  // ids of earlier entries whose loops this one contradicts
+  std::vector<int64_t> questioned;  ///< ids of earlier entries whose loops this one contradicts
 };
 
 /// Settings that define a map's descriptors, name -> value: {"feature", "ring"}, ...
@@ -52,9 +52,9 @@ const char* name_of(DescriptorType type);
 std::optional<DescriptorType> descriptor_type_of(std::string_view name);
 
 struct MapState {
-  int64_t last = 0;      // id of the last entry; `after` of the next read()
-  int64_t revision = 0;  // number of descriptor replacements; if it grows, read again from 0
-  int64_t removed = 0;   // number of removed entries; if it grows, removed() lists them
+  int64_t last = 0;      ///< id of the last entry; `after` of the next read()
+  int64_t revision = 0;  ///< number of descriptor replacements; if it grows, read again from 0
+  int64_t removed = 0;   ///< number of removed entries; if it grows, removed() lists them
 };
 
 /// The connection was lost, and with it the claim of MapStore::claim(): other processes may
@@ -145,7 +145,7 @@ class MapStore {
   MapAccess access_;
   MapFingerprint fingerprint_;
   DescriptorType descriptor_type_ = DescriptorType::kFloat32;
-  std::optional<int64_t> claimed_on_;  // SqlDriver::connections
+  std::optional<int64_t> claimed_on_;  ///< SqlDriver::connections
 };
 
 /// Values of a map. kVerifiedCalibrationValue is for registered loops (calibration_content()). A

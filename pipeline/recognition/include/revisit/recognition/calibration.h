@@ -13,12 +13,12 @@ namespace revisit {
 struct LabeledScore {
   double score = 0;
   bool correct = false;
-  double weight = 1;  // below 1 for one of several matches of a place (not independent)
+  double weight = 1;  ///< below 1 for one of several matches of a place (not independent)
 };
 
 /// Matches with scores from `lowest` up to the `lowest` of the next block.
 struct CalibrationBlock {
-  double lowest = 0;  // the first block also covers all lower scores
+  double lowest = 0;  ///< the first block also covers all lower scores
   double matches = 0, correct = 0;
 };
 
@@ -29,8 +29,8 @@ struct Calibration {
   Score score = Score::kMargin;
   /// [m] Labels: correct within `radius`, incorrect beyond `negative_radius`; others are ignored.
   double radius = 5, negative_radius = 10;
-  std::string trained_on;                // human-readable
-  std::vector<CalibrationBlock> blocks;  // by ascending score, with non-decreasing probability
+  std::string trained_on;                ///< human-readable
+  std::vector<CalibrationBlock> blocks;  ///< by ascending score, with non-decreasing probability
 
   bool operator==(const Calibration&) const;
   /// Fraction of correct matches in the score's block, in (0, 1). The lowest block counts one

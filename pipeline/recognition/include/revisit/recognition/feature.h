@@ -26,25 +26,25 @@ using FeatureMaker = std::function<FeatureFunction<Input>()>;
 
 /// Descriptor projection estimated from features, and the comparison of descriptors.
 struct Projection {
-  int64_t dim = 0;  // dimensions of a descriptor
+  int64_t dim = 0;  ///< dimensions of a descriptor
   std::function<void(std::span<const float> feature, std::span<float> descriptor)> describe;
   Comparison comparison;
-  std::string content;  // serialized form, for FeatureExtractor::open_projection()
+  std::string content;  ///< serialized form, for FeatureExtractor::open_projection()
 };
 /// Estimates a projection from the rows `fit_rows` of some features.
 using FitProjection =
     std::function<Projection(const Rows& features, std::span<const int64_t> fit_rows)>;
 
 struct FeatureExtractor {
-  std::string name;  // human-readable: "conv3+pool5", "data"
-  std::string key;   // identifies everything that the values depend on besides the input
+  std::string name;  ///< human-readable: "conv3+pool5", "data"
+  std::string key;   ///< identifies everything that the values depend on besides the input
   int64_t dim = 0;
   /// Input of the feature: range image of the aligned points, aligned points, or camera image.
   std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
-  Comparison comparison;         // features, or descriptors if `fit_projection` is set
-  FitProjection fit_projection;  // to descriptors; empty: PCA or none
+  Comparison comparison;         ///< features, or descriptors if `fit_projection` is set
+  FitProjection fit_projection;  ///< to descriptors; empty: PCA or none
   std::function<Projection(const std::string& content)>
-      open_projection;  // reads Projection::content
+      open_projection;  ///< reads Projection::content
   /// Scores a match by the best similarity, a probability, instead of by Score::kMargin.
   bool similarity_is_probability = false;
   std::optional<Calibration> calibration;

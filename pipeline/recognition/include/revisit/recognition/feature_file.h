@@ -32,7 +32,7 @@ class FeatureWriter {
   /// space (with bytes needed and free), or another process writes the same file.
   FeatureWriter(std::filesystem::path file, const std::string& key, int64_t n_rows, int64_t dim,
                 int64_t extra = 0);
-  ~FeatureWriter();  // without finish() the part stays and can be resumed
+  ~FeatureWriter();  ///< without finish() the part stays and can be resumed
   FeatureWriter(const FeatureWriter&) = delete;
   FeatureWriter& operator=(const FeatureWriter&) = delete;
 
@@ -94,7 +94,7 @@ class FeatureFile {
 
   std::filesystem::path file_;
   std::string key_;
-  bool is_written_ = false;  // by a FeatureWriter: has a key and a checksum
+  bool is_written_ = false;  ///< by a FeatureWriter: has a key and a checksum
   int64_t n_ = 0, d_ = 0, stride_ = 0, header_bytes_ = 0;
   std::shared_ptr<const int> descriptor_;
   std::shared_ptr<const float> data_;
@@ -109,18 +109,18 @@ struct PcaOptions {
   std::vector<int64_t> fit_rows;
   /// [bytes] upper bound of the working memory, without the result.
   int64_t memory = int64_t{2} << 30;
-  int threads = 1;  // the result is bitwise the same for any number
+  int threads = 1;  ///< the result is bitwise the same for any number
   /// If set, the model is also written to this folder, in a second pass over the files.
   std::filesystem::path model_folder;
-  std::function<void(int64_t done, int64_t total)> progress;  // [columns read]
-  std::function<bool()> stop;                                 // true: throw Interrupted
+  std::function<void(int64_t done, int64_t total)> progress;  ///< [columns read]
+  std::function<bool()> stop;                                 ///< true: throw Interrupted
 };
 
 struct PcaResult {
-  FloatMatrix descriptors;  // [n][rank], neither whitened nor normalized
-  int64_t rank = 0;         // components kept: at most options.components, fitted rows - 1 and d
-  std::vector<double> variances;  // [rank], over the m fitted rows (divisor m - 1)
-  double total_variance = 0;      // centered features; variances / total = explained
+  FloatMatrix descriptors;  ///< [n][rank], neither whitened nor normalized
+  int64_t rank = 0;         ///< components kept: at most options.components, fitted rows - 1 and d
+  std::vector<double> variances;  ///< [rank], over the m fitted rows (divisor m - 1)
+  double total_variance = 0;      ///< centered features; variances / total = explained
   /// Reason if fewer components were kept than requested, else "".
   std::string note;
 };
@@ -161,8 +161,8 @@ class PcaModel {
 
  private:
   std::filesystem::path folder_;
-  std::vector<float> mean_;  // [d]
-  FeatureFile basis_;        // [k][d]
+  std::vector<float> mean_;  ///< [d]
+  FeatureFile basis_;        ///< [k][d]
 };
 
 }  // namespace revisit

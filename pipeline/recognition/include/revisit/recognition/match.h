@@ -17,7 +17,7 @@ enum class Score {
   /// As kMargin with the k-th distinct place (Comparison::same_place), so that it does not depend
   /// on how densely places are stored.
   kDistinctMargin,
-  kSimilarity,  // c1, the similarity of the best
+  kSimilarity,  ///< c1, the similarity of the best
   /// Of a registered loop, by LoopDetector: s^2 (0.1 c1 + 0.05 (c1 - ck)) + L - phi. phi is the
   /// contradiction of both scans by free space (mutual_contradiction(); 0.5 if they are not
   /// judged), s the mean of their scales (scene_scale()), L the usual contradiction of consecutive
@@ -37,9 +37,9 @@ struct Match {
   /// Map entries, best first: min(k, candidates). For Score::kDistinctMargin, distinct places only;
   /// if fewer than k are distinct, the last entry examined is appended.
   std::vector<int64_t> ranks;
-  std::vector<double> similarities;  // [ranks], non-increasing; cosines by default
+  std::vector<double> similarities;  ///< [ranks], non-increasing; cosines by default
   double score = 0;
-  int which_case = 1;  // alignment case of the query's best descriptor: 1 or 2
+  int which_case = 1;  ///< alignment case of the query's best descriptor: 1 or 2
   /// yaw(query) - yaw(best), counter-clockwise [rad], if the descriptors determine it.
   std::optional<double> relative_yaw = {};
 };
@@ -48,9 +48,9 @@ struct Match {
 struct Exclusion {
   enum class Kind {
     kNone,
-    kFrames,   // difference of frame indices
-    kSeconds,  // difference of time stamps [s]
-    kMeters,   // path length between the two [m], by poses or else by registered motion
+    kFrames,   ///< difference of frame indices
+    kSeconds,  ///< difference of time stamps [s]
+    kMeters,   ///< path length between the two [m], by poses or else by registered motion
   };
   Kind kind = Kind::kMeters;
   double amount = 30;
@@ -75,9 +75,9 @@ class ExclusionCounter {
 
  private:
   Exclusion exclusion_;
-  double meters_ = 0;                         // of the scan before
-  double base_ = 0;                           // at `reference_`
-  std::optional<Eigen::Vector3d> reference_;  // position
+  double meters_ = 0;                         ///< of the scan before
+  double base_ = 0;                           ///< at `reference_`
+  std::optional<Eigen::Vector3d> reference_;  ///< position
 };
 
 /// Map entries that a query may return, [begin, end). Entries in no range are excluded.
@@ -114,7 +114,7 @@ struct Comparison {
 
   /// Makes an empty source that compares compact codes of descriptors. Empty: no codes.
   std::function<std::unique_ptr<CandidateSource>()> make_codes;
-  int64_t candidates = 0;  // number of candidates preselected by the codes; 0: all places
+  int64_t candidates = 0;  ///< number of candidates preselected by the codes; 0: all places
 
   double similarity_of(std::span<const float> a, std::span<const float> b) const;
 };

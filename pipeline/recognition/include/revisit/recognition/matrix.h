@@ -17,7 +17,7 @@ struct Rows {
 /// One descriptor per row; row i is scan i of the data set.
 struct FloatMatrix {
   int64_t n = 0, d = 0;
-  std::vector<float> values;  // [n][d], C order
+  std::vector<float> values;  ///< [n][d], C order
 
   FloatMatrix() = default;
   FloatMatrix(int64_t rows, int64_t columns)
@@ -64,8 +64,8 @@ void add_product_with_adjoint(int64_t m, int64_t k, double factor, const std::co
 /// eigenvectors. Each eigenvector's entry of largest magnitude is positive, so that equal input
 /// gives equal files.
 struct Eigenpairs {
-  std::vector<double> values;   // [k]
-  std::vector<double> vectors;  // [k][m], one eigenvector per row
+  std::vector<double> values;   ///< [k]
+  std::vector<double> vectors;  ///< [k][m], one eigenvector per row
 };
 /// `a` [m][m] is row-major, upper triangle, and is overwritten; k <= m. Throws Error if LAPACK does
 /// not converge.

@@ -17,7 +17,7 @@ namespace revisit {
 
 struct Query {
   std::span<const float> descriptor;
-  std::span<const CandidateRange> candidates;  // ascending, without overlap
+  std::span<const CandidateRange> candidates;  ///< ascending, without overlap
 };
 
 /// Maximum number of most similar entries searched for distinct places, so that a standing sensor
@@ -25,12 +25,12 @@ struct Query {
 inline constexpr int64_t kMaxExamined = 1000;
 
 struct SearchOptions {
-  int k = 4;  // number of places returned; with fewer candidates, all of them
+  int k = 4;  ///< number of places returned; with fewer candidates, all of them
   Score score = Score::kMargin;
-  int threads = 1;  // does not change the result
-  // For best_of_many(), between queries:
+  int threads = 1;  ///< does not change the result
+  /// For best_of_many(), between queries:
   std::function<void(int64_t done, int64_t total)> progress = {};
-  std::function<bool()> stop = {};  // true: throw Interrupted
+  std::function<bool()> stop = {};  ///< true: throw Interrupted
 };
 
 /// Entries are counted from 0 in the order of insertion. Queries may run concurrently with each
@@ -89,10 +89,10 @@ class PlaceIndex {
   friend class PlaceSearch;
   /// Fixed size, so that insertion never moves existing entries.
   struct Block {
-    FloatMatrix copies;              // owned
-    std::vector<const float*> rows;  // all descriptors: in `copies`, or views
-    std::vector<double> lengths;     // norms, for cosines
-    std::optional<int64_t> in_file;  // its first row; copies and rows are then empty
+    FloatMatrix copies;              ///< owned
+    std::vector<const float*> rows;  ///< all descriptors: in `copies`, or views
+    std::vector<double> lengths;     ///< norms, for cosines
+    std::optional<int64_t> in_file;  ///< its first row; copies and rows are then empty
   };
   Block& block_to_add_to();
   void spill(Block& block);
@@ -106,9 +106,9 @@ class PlaceIndex {
   int64_t dim_;
   Comparison comparison_;
   std::deque<Block> blocks_;
-  std::unique_ptr<UnnamedFile> file_;        // null until the first block is written
-  std::unique_ptr<CandidateSource> source_;  // null: all entries are compared
-  int64_t from_source_ = 0;                  // candidates requested from it
+  std::unique_ptr<UnnamedFile> file_;        ///< null until the first block is written
+  std::unique_ptr<CandidateSource> source_;  ///< null: all entries are compared
+  int64_t from_source_ = 0;                  ///< candidates requested from it
   int64_t size_ = 0;
 };
 

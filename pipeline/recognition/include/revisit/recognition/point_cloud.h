@@ -11,8 +11,8 @@ namespace revisit {
 /// LiDAR return in the sensor frame: x forward, y left, z up [m]. Memory layout of KITTI's .bin
 /// files.
 struct Point {
-  float x = 0, y = 0, z = 0;  // [m]
-  float intensity = 0;        // as in the file; the method ignores it
+  float x = 0, y = 0, z = 0;  ///< [m]
+  float intensity = 0;        ///< as in the file; the method ignores it
 };
 
 /// False for NaN, infinity and the origin: beams without a return, which every stage skips.
@@ -24,7 +24,7 @@ inline bool is_return(const Point& point) {
 /// Points of one revolution of the sensor, including those without a return.
 struct PointCloud {
   std::vector<Point> points;
-  std::vector<float> times;  // [points], relative to the scan's stamp [s]; empty: unknown
+  std::vector<float> times;  ///< [points], relative to the scan's stamp [s]; empty: unknown
 };
 
 /// `[points][4]`: x, y, z, intensity.
@@ -44,8 +44,8 @@ struct PointsView {
   const void* data = nullptr;
   size_t count = 0;
   size_t stride = sizeof(Point);
-  size_t x = 0, y = sizeof(float), z = 2 * sizeof(float);  // offsets in a point [bytes]
-  bool is_double = false;                                  // of the coordinates
+  size_t x = 0, y = sizeof(float), z = 2 * sizeof(float);  ///< offsets in a point [bytes]
+  bool is_double = false;                                  ///< of the coordinates
 };
 
 inline PointsView view_of(const PointCloud& cloud) {

@@ -12,10 +12,10 @@ namespace revisit {
 
 /// Fixed per sensor, so that all scans have one image size.
 struct ImageGeometry {
-  int width = 4000, height = 112;                      // [pixels]
-  double elevation_top = 3, elevation_bottom = -25;    // [deg] image edges
-  double max_range = 80;                               // [m], maps to pixel value 255
-  double closing_width = 0.45, closing_height = 0.75;  // hole closing rectangle [deg]; 0: none
+  int width = 4000, height = 112;                      ///< [pixels]
+  double elevation_top = 3, elevation_bottom = -25;    ///< [deg] image edges
+  double max_range = 80;                               ///< [m], maps to pixel value 255
+  double closing_width = 0.45, closing_height = 0.75;  ///< hole closing rectangle [deg]; 0: none
 };
 
 /// Width and height [pixels]: odd numbers nearest to the geometry's degrees, so that the rectangle
@@ -27,9 +27,9 @@ std::array<int, 2> closing_rectangle(const ImageGeometry& geometry);
 /// column to the left, with wrap-around. Row 0 is the top.
 struct RangeImage {
   int width = 0, height = 0;
-  std::vector<float> pixels;  // [height][width]
-  int64_t returns = 0;        // of the cloud
-  int64_t outside = 0;        // returns above or below the image, which no pixel shows
+  std::vector<float> pixels;  ///< [height][width]
+  int64_t returns = 0;        ///< of the cloud
+  int64_t outside = 0;        ///< returns above or below the image, which no pixel shows
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
   double outside_share() const {
     return returns ? static_cast<double>(outside) / static_cast<double>(returns) : 0;
@@ -62,10 +62,10 @@ RangeImage close_holes(RangeImage image, const ImageGeometry& geometry);
 /// Image geometry is 4000 x 112 for all sensors, so that a network has one feature size.
 /// docs/FORMATS.md has the table and its sources.
 struct Sensor {
-  std::string name;  // key of sensor_geometry(), e.g. "ouster-os1-128"
+  std::string name;  ///< key of sensor_geometry(), e.g. "ouster-os1-128"
   std::string model;
-  int beams = 0;               // 0: no fixed beams
-  double top = 0, bottom = 0;  // elevations of the outermost beams, or of the field of view [deg]
+  int beams = 0;               ///< 0: no fixed beams
+  double top = 0, bottom = 0;  ///< elevations of the outermost beams, or of the field of view [deg]
   ImageGeometry image;
 };
 /// No beam lies on an image's edge; hole closing bridges most neighboring beams.
@@ -76,11 +76,11 @@ ImageGeometry sensor_geometry(const std::string& sensor);
 std::vector<std::string> sensor_names();
 
 struct SensorFound {
-  std::string name;  // a name in sensors(); "": unknown, `image` then fits the beams
+  std::string name;  ///< a name in sensors(); "": unknown, `image` then fits the beams
   ImageGeometry image;
-  std::vector<double> elevations;  // of the beams [deg], top first; empty: cannot be separated
-  double top = 0, bottom = 0;      // [deg], limits of 99 % of the returns
-  double inside = 0;               // fraction of the returns inside the image
+  std::vector<double> elevations;  ///< of the beams [deg], top first; empty: cannot be separated
+  double top = 0, bottom = 0;      ///< [deg], limits of 99 % of the returns
+  double inside = 0;               ///< fraction of the returns inside the image
 };
 
 /// Finds elevations, top and bottom only. Separates beams by elevation or, if elevations are
@@ -91,7 +91,7 @@ SensorFound find_sensor(const std::vector<PointCloud>& scans);
 
 struct GrayImage {
   int width = 0, height = 0;
-  std::vector<uint8_t> pixels;  // [height][width]; row 0 is the top
+  std::vector<uint8_t> pixels;  ///< [height][width]; row 0 is the top
 };
 
 }  // namespace revisit

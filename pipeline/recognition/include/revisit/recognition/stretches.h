@@ -19,7 +19,7 @@ namespace revisit {
 struct DriveScan {
   std::string drive;
   int64_t frame = 0;
-  std::optional<Eigen::Isometry3d> pose;  // T_world_sensor [m]
+  std::optional<Eigen::Isometry3d> pose;  ///< T_world_sensor [m]
 };
 
 class RunningMedian {
@@ -28,7 +28,7 @@ class RunningMedian {
   double value() const { return lower_.empty() ? 0 : lower_.top(); }
 
  private:
-  std::priority_queue<double> lower_;  // same size as upper_, or one more
+  std::priority_queue<double> lower_;  ///< same size as upper_, or one more
   std::priority_queue<double, std::vector<double>, std::greater<>> upper_;
 };
 
@@ -57,9 +57,9 @@ class Stretches {
   /// The view counts as changed below this similarity. Scans of a halt are far more similar.
   static constexpr double kSameView = 0.95;
   struct Stretch {
-    int64_t first, view;  // first entry, and last entry that changed the view
+    int64_t first, view;  ///< first entry, and last entry that changed the view
     std::optional<Eigen::Isometry3d>
-        pose;  // of the first entry; absent if any of the others has none
+        pose;  ///< of the first entry; absent if any of the others has none
     double meters = 0;
     double views = 0;
     std::vector<int64_t> entries;
@@ -74,7 +74,7 @@ class Stretches {
   std::vector<Stretch> stretches_;
   std::vector<int64_t> of_entry_;
   std::map<std::string, int64_t> current_;
-  RunningMedian meters_, views_;  // lengths of all but the last stretch of each drive
+  RunningMedian meters_, views_;  ///< lengths of all but the last stretch of each drive
 };
 
 }  // namespace revisit

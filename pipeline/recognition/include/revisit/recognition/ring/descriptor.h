@@ -25,11 +25,11 @@ int64_t dim_of(const RingLayout& layout);
 Comparison ring_comparison(const RingLayout& layout, int64_t candidates = 0);
 
 struct RingOptions {
-  int dim = 1024;  // dimensions of a descriptor, half of them for each ring
+  int dim = 1024;  ///< dimensions of a descriptor, half of them for each ring
   /// Added to the total covariance, in units of its mean eigenvalue. A larger value gives
   /// directions of small variance less weight.
   double regularization = 1e-2;
-  double blend = 0.3;  // see fit_to_map()
+  double blend = 0.3;  ///< see fit_to_map()
   /// Number of candidates compared exactly, preselected by compact codes (match.h); 0: all.
   int64_t candidates = 0;
 };

@@ -32,8 +32,8 @@ namespace revisit {
 
 struct RingLayer {
   std::string name;
-  std::vector<float> mean;  // [D], D = channels * rows of the map
-  FloatMatrix directions;   // [d][D], orthonormal rows, largest variance first
+  std::vector<float> mean;  ///< [D], D = channels * rows of the map
+  FloatMatrix directions;   ///< [d][D], orthonormal rows, largest variance first
 };
 
 /// Grid of the polar ring. Features: each bin's highest point [m], then a 0/1 flag for each band
@@ -44,7 +44,7 @@ struct RingGrid {
   std::vector<double> distances = {0,  2,  4,  6,  8,  10, 12, 14, 16, 18, 20,
                                    24, 28, 32, 36, 40, 48, 56, 64, 72, 80};
   std::vector<double> bands = {0.3, 1, 2, 3.5,
-                               6};  // lower borders [m], ascending; the last is open
+                               6};  ///< lower borders [m], ascending; the last is open
   int bins() const { return static_cast<int>(distances.size()) - 1; }
   int features() const { return bins() * (1 + static_cast<int>(bands.size())); }
 };
@@ -55,7 +55,7 @@ struct RingStatistics {
   int sectors = 0, features = 0, weights = 1;
   /// True: every scan is also used mirrored (left and right swapped), so the matrices are real.
   bool mirrored = false;
-  std::vector<float> mean;  // [features][sectors], weighted mean over the training scans
+  std::vector<float> mean;  ///< [features][sectors], weighted mean over the training scans
   /// [f] T_f = E[X_f X_f^H] over scans, of the weighted difference from the mean
   std::vector<Eigen::MatrixXcd> total;
   /// [f] B_f, which pairs of scans of one place share, rotated to one yaw; empty without pairs
@@ -65,18 +65,18 @@ struct RingStatistics {
 };
 
 struct RingModel {
-  std::string sensor;           // human-readable
-  double sensor_height = 1.73;  // [m] above ground, after gravity alignment
-  ImageGeometry image;          // geometry for gravity-aligned scans
-  std::string prototxt;         // text of a Caffe net
-  std::string weights;          // bytes of its caffemodel; "" if too large to ship
+  std::string sensor;           ///< human-readable
+  double sensor_height = 1.73;  ///< [m] above ground, after gravity alignment
+  ImageGeometry image;          ///< geometry for gravity-aligned scans
+  std::string prototxt;         ///< text of a Caffe net
+  std::string weights;          ///< bytes of its caffemodel; "" if too large to ship
   std::string weights_sha1;
-  std::array<double, 3> mean_bgr{};  // as network_features() takes it
-  std::vector<RingLayer> layers;     // their projected columns are concatenated
+  std::array<double, 3> mean_bgr{};  ///< as network_features() takes it
+  std::vector<RingLayer> layers;     ///< their projected columns are concatenated
   RingGrid grid;
-  double cnn_weight = 0.3;  // fraction of a descriptor's squared length; rest: polar
+  double cnn_weight = 0.3;  ///< fraction of a descriptor's squared length; rest: polar
   RingStatistics cnn, polar;
-  std::string trained_on;  // human-readable
+  std::string trained_on;  ///< human-readable
   int64_t scans = 0;
   /// Holds for ring_recognizer() with default options.
   std::optional<Calibration> calibration;
@@ -133,12 +133,12 @@ void train_cnn_ring(RingModel& model, const engine::Net& net, const LayerDimensi
 /// Two scans of one place, as rows.
 struct RingPair {
   int64_t a = 0, b = 0;
-  double relative_yaw = 0;  // yaw(b) - yaw(a), counter-clockwise [rad]
+  double relative_yaw = 0;  ///< yaw(b) - yaw(a), counter-clockwise [rad]
 };
 
 struct RingDrive {
-  Rows rings;                  // [n][RingModel::dim()], from ring_features()
-  std::vector<int64_t> scans;  // training rows, ascending
+  Rows rings;                  ///< [n][RingModel::dim()], from ring_features()
+  std::vector<int64_t> scans;  ///< training rows, ascending
   std::vector<RingPair> pairs;
   /// Augmented copies of `rings`, row for row; differences between them get no weight in `shared`.
   std::vector<Rows> augmented = {};
