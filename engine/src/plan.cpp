@@ -102,7 +102,7 @@ std::shared_ptr<const PackedWeights> hold(const Net::Impl& net, const Step& step
   }
 }
 
-// Far above any use, because OpenMP terminates the program if it cannot create a thread.
+// Far above any use.
 constexpr int kMaxThreads = 1024;
 
 int64_t bytes_of(const Shape& shape) {

@@ -75,17 +75,10 @@ bool keeps_denormals() {
   return tiny * 1e-10F != 0;
 }
 
-TEST_F(Denormals, TheModeOfEveryThreadIsAsBeforeAfterAPass) {
-  constexpr int kThreads = 7;
-  const auto all_keep = [] {
-    int keep = 0;
-#pragma omp parallel num_threads(kThreads) reduction(+ : keep)
-    keep += keeps_denormals() ? 1 : 0;
-    return keep;
-  };
-  ASSERT_EQ(all_keep(), kThreads);
-  output({.threads = kThreads});
-  EXPECT_EQ(all_keep(), kThreads);
+TEST_F(Denormals, TheModeOfTheCallerIsAsBeforeAfterAPass) {
+  ASSERT_TRUE(keeps_denormals());
+  output({.threads = 7});
+  EXPECT_TRUE(keeps_denormals());
 }
 
 }  // namespace

@@ -237,9 +237,9 @@ std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
                                      const LoadOptions& options = {});
 
 /// Execution context that owns the memory of a plan. Use one per thread; runs of one plan can
-/// execute concurrently. Threads are OpenMP's, one team per thread that calls forward(). fork()
-/// ends the team of the calling thread, so that parent and child each create a new one. See
-/// OneBlasThread in machine.h for the effect on OpenBLAS's threads. A moved-from run can be
+/// execute concurrently. Each thread that calls forward() has threads of its own, which end with
+/// it; a forked child creates new ones. forward() waits only for threads that have begun to
+/// work, so threads that are not scheduled do not delay it. See OneBlasThread in machine.h for the effect on OpenBLAS's threads. A moved-from run can be
 /// assigned to or destroyed. Its other functions throw UsageError, and forward() without
 /// `observe`, which is noexcept, calls std::terminate.
 class Run {
