@@ -45,6 +45,12 @@ def cell(value):
     return '-' if value is None else f'{value:.3f}' if isinstance(value, float) else str(value)
 
 
+def with_interval(row):
+    """Returns AP and its 95 % interval."""
+    interval = row.get('ap_interval')
+    return cell(row['ap']) + (f' [{interval[0]:.2f}, {interval[1]:.2f}]' if interval else '')
+
+
 def shown(name):
     return NAMES.get(name, name)
 
@@ -58,7 +64,7 @@ def markdown(heads, rows):
 def table(rows, drives, columns):
     drives = drives or dict.fromkeys(row['drive'] for row in rows)
     return markdown(['drive', 'method', *(COLUMNS[c] for c in columns)],
-                    [[drive, shown(row['name']), *(cell(row.get(c)) for c in columns)] for drive in drives for row in rows if row['drive'] == drive])
+                    [[drive, shown(row['name']), *(with_interval(row) if c == 'ap' else cell(row.get(c)) for c in columns)] for drive in drives for row in rows if row['drive'] == drive])
 
 
 def table_of_towns(rows, keyframes, routes):
@@ -107,6 +113,9 @@ def brief_table(first, groups):
         accepted = f'{sum(row["accepted_correct"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
         best = [best_mean(rows, names) for names in BRIEF.values()]
         values = [cell(mean) + (f' ({n})' if 0 < n < len(ours) else '') for mean, n in best]
+        if len(ours) == 1:
+            values = [with_interval(max(of, key=lambda row: row['ap'])) if of else '-'
+                      for of in ([row for row in rows if row['name'] in names] for names in BRIEF.values())]
         lines.append([title, *values, accepted, str(sum(row['accepted_incorrect'] for row in ours))])
     return markdown([first, *BRIEF, 'loops accepted', 'incorrect loops'], lines)
 

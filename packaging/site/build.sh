@@ -18,5 +18,5 @@ NO_MKDOCS_2_WARNING=1 "$venv/bin/mkdocs" build --strict --quiet -f packaging/sit
 mkdir -p build/site/api
 doxygen packaging/site/Doxyfile
 [ ! -d "$build/python/revisit" ] || export PYTHONPATH=$PWD/$build/python  # otherwise the package is in build/site_venv
-"$venv/bin/pdoc" --no-show-source -o build/site/api/python revisit '!revisit.caffe.proto' '!revisit.conversion'
+"$venv/bin/pdoc" --no-show-source -o build/site/api/python revisit revisit.{caffe,loops,poses,recordings,registration} '!revisit.caffe.proto'
 echo "build/site/index.html; $(grep -c "is not documented" build/site/api/undocumented.txt || true) names of the C++ API are not documented (build/site/api/undocumented.txt)"
