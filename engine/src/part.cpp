@@ -46,6 +46,31 @@ std::vector<std::pair<std::string, ValueId>> last_values(const Graph& part) {
   return outputs;
 }
 
+/// Keeps the nodes that the outputs of `graph` need, and all inputs.
+void keep_needed(Graph* graph) {
+  std::vector<bool> needed(graph->values.size(), false);
+  for (const auto& [name, id] : graph->outputs) needed[id] = true;
+  std::vector<Node> kept;
+  for (size_t i = graph->nodes.size(); i-- > 0;) {
+    Node& node = graph->nodes[i];
+    if (node.layer && std::ranges::none_of(node.outputs, [&](ValueId id) { return needed[id]; }))
+      continue;
+    for (const ValueId id : node.inputs) needed[id] = true;
+    kept.push_back(std::move(node));
+  }
+  std::ranges::reverse(kept);
+  graph->nodes = std::move(kept);
+}
+
+/// Returns the value of a layer by proto::port_name().
+ValueId value_of(const Net::Impl& net, const std::string& port) {
+  for (const Node& node : net.graph.nodes)
+    for (size_t i = 0; i < node.outputs.size(); ++i)
+      if (proto::port_name(node.name, i) == port) return node.outputs[i];
+  throw UsageError("truncated: the net '", net.graph.name, "' has no layer '", port,
+                   "' with an output", nearest_name_hint(port, net.layer_names));
+}
+
 /// The values that the layers before `node` store by channel blocks. A part that reads them so,
 /// too, has the kernels of the whole net, and its bits.
 std::set<ValueId> blocked_before(const Net::Impl& net, const std::vector<Shape>& shapes,
@@ -67,7 +92,29 @@ std::set<ValueId> blocked_before(const Net::Impl& net, const std::vector<Shape>&
   return blocked;
 }
 
+std::shared_ptr<Net::Impl> without_graph(const Net::Impl& net) {
+  auto part = std::make_shared<Net::Impl>();
+  part->file = net.file;
+  part->layer_names = net.layer_names;
+  part->has_weights = net.has_weights;
+  return part;
+}
+
 }  // namespace
+
+Net Net::truncated(const std::vector<std::string>& layers) const {
+  if (layers.empty()) throw UsageError("truncated: expected at least one layer, found none");
+  const std::shared_ptr<Impl> part = without_graph(*impl_);
+  part->graph = impl_->graph;
+  part->graph.outputs.clear();
+  for (const std::string& port : std::set(layers.begin(), layers.end()))
+    part->graph.outputs.push_back({port, value_of(*impl_, port)});
+  keep_needed(&part->graph);
+  part->sensitive = sensitive_values(part->graph);
+  part->inputs = impl_->inputs;
+  part->blocked_inputs = impl_->blocked_inputs;
+  return Net(part);
+}
 
 Net Net::part(std::string_view first, std::string_view last) const {
   const Graph& whole = impl_->graph;
@@ -77,10 +124,7 @@ Net Net::part(std::string_view first, std::string_view last) const {
   // With inserted nodes, because their blobs have changed in memory that they share.
   while (begin > 0 && whole.nodes[begin - 1].index < 0) --begin;
   while (end < whole.nodes.size() && whole.nodes[end].index < 0) ++end;
-  auto part = std::make_shared<Impl>();
-  part->file = impl_->file;
-  part->layer_names = impl_->layer_names;
-  part->has_weights = impl_->has_weights;
+  const std::shared_ptr<Impl> part = without_graph(*impl_);
   part->sensitive = impl_->sensitive;
   part->graph = {whole.name, {}, whole.values, {}};
   part->graph.nodes.assign(whole.nodes.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -96,7 +140,7 @@ Net Net::part(std::string_view first, std::string_view last) const {
     if (!node.layer)
       for (const ValueId id : node.outputs)
         part->inputs.push_back({whole.values[id].blob, shapes[id]});
-  return Net(std::move(part));
+  return Net(part);
 }
 
 }  // namespace revisit::engine

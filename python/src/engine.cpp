@@ -177,6 +177,10 @@ void bind_net(nb::module_& module) {
           "Returns the layers from `first` to `last` as a net that shares the weights. Inputs: the "
           "blobs that they read from earlier layers. Outputs: all blobs that they compute. Raises "
           "UsageError for unknown layers or if `last` comes before `first`.")
+      .def("truncated", &Net::truncated, nb::call_guard<Unlocked>(), "layers"_a,
+           "Returns the layers that `layers` need, as a net that shares the weights and has all "
+           "inputs. Outputs: those of `layers`, by port_name(), before later in-place layers. "
+           "Raises UsageError for unknown layers.")
       .def_prop_ro("name", &Net::name)
       .def_prop_ro(
           "inputs", [](const Net& net) { return dict_of(net.inputs()); },

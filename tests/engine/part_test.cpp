@@ -74,6 +74,23 @@ TEST(Part, SharesTheWeights) {
   EXPECT_EQ(part.weights()[0].second[0].data, net.weights()[1].second[0].data);
 }
 
+TEST(Part, TruncatedNetHasTheNamedOutputs) {
+  const Net net = example(), part = net.truncated({"n1", "b2"});
+  EXPECT_EQ(part.outputs(), (std::vector<std::string>{"b2", "n1"}));
+  EXPECT_EQ(part.weights()[0].second[0].data, net.weights()[0].second[0].data);
+  engine::Run run(part.plan()), whole(net.plan({}, {.keep = {"n1", "b2"}}));
+  test::fill_randomly(run);
+  std::ranges::copy(run.input("data").values(), whole.input("data").data);
+  run.forward();
+  whole.forward();
+  for (const char* name : {"n1", "b2"})
+    EXPECT_TRUE(std::ranges::equal(run.output(name).values(), whole.layer_output(name).values()))
+        << name;
+  EXPECT_LT(run.plan().layers().size(), whole.plan().layers().size());
+  expect_error<UsageError>([&] { net.truncated({"n2"}); }, {"no layer 'n2'", "did you mean"});
+  expect_error<UsageError>([&] { net.truncated({}); }, {"at least one layer"});
+}
+
 TEST(Part, RejectsUnknownLayersAndTheirOrder) {
   const Net net = example();
   expect_error<UsageError>([&] { net.part("c3", "prob"); }, {"part", "has no layer 'c3'", "'c3'"});

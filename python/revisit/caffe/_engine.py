@@ -1,40 +1,19 @@
 """Nets of the engine, their number of threads, and passes over ranges of layers."""
 
-import contextlib
 import os
 from collections import OrderedDict
 
 from google.protobuf import text_format
 
 from .. import engine, proto
-from ..errors import Error, InputError
+from .._shared import named, set_threads, threads  # noqa: F401  caffe.set_threads
+from ..errors import InputError
 from . import _weights
 from ._structure import computing
 from .proto import caffe_pb2
 
 port_name = engine.port_name
 layer_types = engine.layer_types
-
-_threads = None
-
-
-def threads():
-    """Returns the threads of a forward pass: set_threads(), else OMP_NUM_THREADS, else the CPUs of this process."""
-    if _threads is not None:
-        return _threads
-    first = os.environ.get('OMP_NUM_THREADS', '').split(',')[0].strip()
-    if first.isdigit() and int(first) > 0:
-        return int(first)
-    return len(os.sched_getaffinity(0))
-
-
-def set_threads(number):
-    """Sets the number of threads of later forward passes; None: the default. Results do not depend on it."""
-    global _threads
-    if number is not None and int(number) < 1:
-        raise ValueError(f'expected at least one thread, found {number}')
-    _threads = None if number is None else int(number)
-
 
 _allow_unknown = False
 
@@ -71,16 +50,6 @@ class WeightsFile:
             self.content = file.read()
         layers = proto.WeightsFile.from_bytes(self.content, self.path).layers
         self.layers = {name for name, n_arrays in layers if n_arrays > 0}
-
-
-@contextlib.contextmanager
-def named(prototxt, weights=''):
-    """Inserts file names into messages of the engine, which reads from memory."""
-    try:
-        yield
-    except Error as error:
-        message = str(error).replace('<prototxt>', prototxt).replace('<weights>', weights)
-        raise type(error)(message) from None
 
 
 _MAX_PASSES = 8  # cached passes of ranges with different input shapes; each has the memory of its blobs

@@ -207,6 +207,11 @@ class Net {
   /// compute. Throws UsageError for unknown layers or if `last` comes before `first`.
   Net part(std::string_view first, std::string_view last) const;
 
+  /// The layers that `layers` need, as a net that shares the weights of this one and has all its
+  /// inputs. Its outputs are those of `layers`, named by proto::port_name(), before later in-place
+  /// layers. Throws UsageError for unknown layers.
+  Net truncated(const std::vector<std::string>& layers) const;
+
   const std::string& name() const;
   /// Net inputs with their shapes from the prototxt or LoadOptions::inputs.
   const std::vector<Port>& inputs() const;

@@ -1,0 +1,80 @@
+"""Suppression of overlapping boxes, with OpenCV's results."""
+
+import numpy as np
+
+from ..errors import UsageError
+
+SOFT_NMSMETHOD_SOFTNMS_LINEAR, SOFT_NMSMETHOD_SOFTNMS_GAUSSIAN = 1, 2
+
+
+def _checked(bboxes, scores):
+    boxes = np.asarray(bboxes, np.float64).reshape(-1, 4)
+    scores = np.asarray(scores, np.float32).ravel()
+    if len(boxes) != len(scores):
+        raise UsageError(f'NMSBoxes: expected a score for each box, found {len(boxes)} boxes and {len(scores)} scores')
+    return boxes, scores
+
+
+def _overlap(box, others):
+    """Returns the intersection of a box (left, top, width, height) with others over their union, float32."""
+    low = np.maximum(box[:2], others[:, :2])
+    high = np.minimum(box[:2] + box[2:], others[:, :2] + others[:, 2:])
+    common = np.prod(np.maximum(high - low, 0), axis=1)
+    areas = box[2] * box[3] + others[:, 2] * others[:, 3]
+    union = np.where(areas <= np.finfo(np.float64).eps, 1, areas - common)
+    return np.where(areas <= np.finfo(np.float64).eps, 1, common / union).astype(np.float32)
+
+
+def NMSBoxes(bboxes, scores, score_threshold, nms_threshold, eta=1.0, top_k=0):
+    """Returns the indices of boxes to keep, by descending score, int32; () if there is none.
+
+    Args:
+        bboxes: (left, top, width, height) of each.
+        score_threshold: boxes need a greater score.
+        nms_threshold: maximum overlap with a kept box; from there on multiplied by eta < 1 after each kept box.
+        top_k: number of boxes of the greatest scores that are considered; 0: all.
+    """
+    boxes, scores = _checked(bboxes, scores)
+    order = np.argsort(-scores, kind='stable')
+    order = order[scores[order] > np.float32(score_threshold)]
+    threshold, kept = np.float32(nms_threshold), []
+    for index in order[:top_k] if top_k > 0 else order:
+        if kept and (_overlap(boxes[index], boxes[kept]) > threshold).any():
+            continue
+        kept.append(int(index))
+        if eta < 1 and threshold > 0.5:
+            threshold *= np.float32(eta)
+    return np.array(kept, np.int32) if kept else ()
+
+
+def NMSBoxesBatched(bboxes, scores, class_ids, score_threshold, nms_threshold, eta=1.0, top_k=0):
+    """NMSBoxes() among the boxes of each class."""
+    boxes, scores = _checked(bboxes, scores)
+    apart = max(0.0, (boxes[:, :2] + boxes[:, 2:]).max(initial=0), boxes[:, :2].max(initial=0)) + 1
+    boxes[:, :2] += (np.asarray(class_ids).reshape(-1, 1) * apart)
+    return NMSBoxes(boxes, scores, score_threshold, nms_threshold, eta, top_k)
+
+
+def softNMSBoxes(bboxes, scores, score_threshold, nms_threshold, top_k=0, sigma=0.5, method=SOFT_NMSMETHOD_SOFTNMS_GAUSSIAN):
+    """Lowers the scores of boxes by their overlap with better ones (arXiv:1704.04503).
+
+    method: Gaussian of width sigma, or linear beyond nms_threshold. Returns the new scores and indices of boxes to keep.
+    """
+    boxes, scores = _checked(bboxes, scores)
+    left, updated, kept = np.arange(len(boxes)), [], []
+    while len(left) and (top_k == 0 or len(kept) < top_k):
+        best = np.lexsort((-left, scores[left]))[-1]
+        index = left[best]
+        if scores[index] < score_threshold:
+            break
+        kept.append(int(index))
+        updated.append(scores[index])
+        left = np.delete(left, best)
+        overlap = _overlap(boxes[index], boxes[left])
+        if method == SOFT_NMSMETHOD_SOFTNMS_LINEAR:
+            factors = np.where(overlap > nms_threshold, 1 - overlap, np.float32(1))
+        else:
+            factors = np.exp(-overlap * overlap / np.float32(sigma))
+        scores = scores.copy()
+        scores[left] *= np.where(scores[left] < score_threshold, np.float32(1), factors)
+    return np.array(updated, np.float32), np.array(kept, np.int32)

@@ -1,0 +1,38 @@
+"""install(): Caffe networks in an installed cv2.dnn."""
+
+import functools
+import importlib
+
+from . import _models, _net
+
+
+def _is_caffe(arguments):
+    """True for the files of a Caffe network, for readNet()'s framework 'caffe', and for a Net of revisit."""
+    words = [argument.lower() for argument in arguments if isinstance(argument, str)]
+    return any(isinstance(argument, _net.Net) for argument in arguments) or any(
+        word == 'caffe' or word.endswith(('.caffemodel', '.prototxt')) for word in words)
+
+
+def _either(ours, theirs):
+    """Returns a function that calls `ours` for Caffe networks, else `theirs`."""
+    @functools.wraps(ours, updated=())
+    def choose(*arguments, **options):
+        return (ours if _is_caffe([*arguments, *options.values()]) else theirs)(*arguments, **options)
+
+    return choose
+
+
+def install():
+    """Puts readNetFromCaffe into an installed cv2.dnn, and Caffe networks into its readNet() and models.
+
+    Does nothing if cv2.dnn has readNetFromCaffe. Raises ImportError without the package opencv-python.
+    """
+    cv2 = importlib.import_module('cv2')
+    if hasattr(cv2.dnn, 'readNetFromCaffe'):
+        return
+    cv2.dnn.readNetFromCaffe = _net.readNetFromCaffe
+    cv2.dnn.readNet = _either(_net.readNet, cv2.dnn.readNet)
+    for name in ('ClassificationModel', 'DetectionModel', 'KeypointsModel', 'Model', 'SegmentationModel'):
+        chosen = _either(getattr(_models, name), getattr(cv2.dnn, name))
+        setattr(cv2.dnn, name, chosen)
+        setattr(cv2, f'dnn_{name}', chosen)

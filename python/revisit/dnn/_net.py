@@ -1,0 +1,426 @@
+"""Net and the functions that read one, as in cv2.dnn."""
+
+import os
+import time
+import warnings
+from collections import OrderedDict
+
+import numpy as np
+
+from .. import engine, proto
+from .._shared import named, threads
+from ..errors import InputError, UnsupportedError, UsageError
+from ._graph import Graph
+from ._images import scalar
+
+_MAX_PASSES = 4  # cached passes with other outputs or shapes; each has the memory of its blobs
+_CPU_BACKENDS, _CPU_TARGETS = (0, 2, 3), (0, 10)  # default, OpenVINO, OpenCV; CPU, CPU_FP16
+_NO_SHAPE = 'gives no shape for the input'  # the engine's message; setInput() gives one
+_has_warned = False
+
+
+def _warn_once():
+    global _has_warned
+    if not _has_warned:
+        _has_warned = True
+        warnings.warn('revisit.dnn runs on the CPU: setPreferableBackend() and setPreferableTarget() do nothing', stacklevel=4)
+
+
+class _Pass:
+    """A truncated net for some input shapes, with its memory."""
+
+    def __init__(self, net, ports, shapes):
+        self.plan = net.truncated(ports).plan(shapes, threads=threads())
+        self.run = self.plan.run()
+
+
+class Layer:
+    """A layer of a net: `name`, `type`, `blobs`. Assigning to `blobs` sets the weights; a bias that is left out is 0."""
+
+    preferableTarget = 0  # the CPU
+
+    def __init__(self, net, node):
+        self._net, self.name, self.type = net, node.name, node.type
+
+    @property
+    def blobs(self):
+        """Copies of the weights."""
+        return [blob.copy() for blob in self._net._weights_of(self.name)]
+
+    @blobs.setter
+    def blobs(self, arrays):
+        old = self._net._weights_of(self.name)
+        for i, array in enumerate([*arrays, *(np.zeros_like(blob) for blob in old[len(arrays):])]):
+            self._net.setParam(self.name, i, array)
+
+    def outputNameToIndex(self, outputName):
+        """Returns 0 as cv2.dnn does, whose layers have no names of outputs."""
+        return 0
+
+
+class Net:
+    """A Caffe network, as cv2.dnn.Net. readNetFromCaffe() makes one; Net() is empty.
+
+    Outputs are known by names of layers, not of blobs. Not thread-safe.
+    Errors are revisit.UsageError, InputError and UnsupportedError instead of cv2.error.
+    """
+
+    def __init__(self):
+        self._graph = self._net = self._problem = None
+        self._blobs, self._shapes = {}, {}  # by names of inputs: arrays, shapes for loading
+        self._missing = set()  # layers without weights
+        self._changed = {}  # layer -> index -> weights that setParam() has set since loading
+        self._passes = OrderedDict()
+        self._last = None  # the last pass
+        self._ticks = 0
+
+    def _take(self, file, weights, names):
+        """file: a NetFile. weights: bytes of a caffemodel; None: those in the file. names: of both for messages."""
+        self._graph = Graph(file)
+        self._inputs = list(self._graph.inputs)  # setInputsNames() renames them
+        self._names = names
+        self._content = file.to_bytes() if weights is None else weights
+        try:
+            self._load()
+        except InputError as error:
+            if _NO_SHAPE not in str(error):
+                raise
+        return self
+
+    def _load(self):
+        """Returns the engine's net, with the present weights."""
+        self._check_not_empty()
+        if self._net is None:
+            self._net = self._read()
+        if self._changed:
+            weights = {name: list(arrays) for name, arrays in self._net.weights.items()}
+            for name, arrays in self._changed.items():
+                for index, array in arrays.items():
+                    weights[name][index] = array
+            file = proto.parse_net(self._graph.text, allow_unknown_fields=True)
+            file.set_weights(weights)
+            self._net = engine.Net.load_from_memory(self._graph.text, file.to_bytes(), allow_unknown=True, inputs=self._net.inputs)
+            self._changed.clear()
+            self._passes.clear()
+            self._last = None
+        return self._net
+
+    def _read(self):
+        shapes = {**self._shapes, **{name: blob.shape for name, blob in self._blobs.items()}}
+
+        def read(**options):
+            with named(*self._names):
+                return engine.Net.load_from_memory(self._graph.text, self._content, allow_unknown=True, inputs=shapes, **options)
+
+        try:
+            net = read()
+        except InputError as error:
+            if _NO_SHAPE in str(error):
+                raise
+            net = read(allow_missing=True)
+            known = {name for name, n_arrays in proto.WeightsFile.from_bytes(self._content).layers if n_arrays}
+            self._missing = set(net.weights) - known
+            self._problem = str(error)
+        self._content = None
+        return net
+
+    def _check_not_empty(self):
+        if self.empty():
+            raise UsageError('this Net is empty; readNetFromCaffe() reads one')
+
+    def empty(self):
+        """Returns True for Net()."""
+        return self._graph is None or not self._graph.layers
+
+    # Inputs
+
+    def setInput(self, blob, name='', scalefactor=1.0, mean=()):
+        """Copies an input: (blob - mean) * scalefactor as float32, with the mean of up to 4 channels.
+
+        name: of the input blob; '': the first. The shape may differ from that of the prototxt.
+        """
+        self._check_not_empty()
+        given = np.asarray(blob)
+        if given.dtype.kind not in 'fiub':
+            raise UsageError(f'setInput: expected numbers, found an array of {given.dtype}')
+        values = given.astype(np.float32, order='C')
+        mean = scalar(mean)
+        if mean.any():
+            channels = values.shape[1] if values.ndim > 1 else 1
+            if channels > 4:
+                raise UsageError(f'setInput: expected at most 4 channels with a mean, found {channels}')
+            values -= mean[:channels].astype(np.float32).reshape(-1, *[1] * (values.ndim - 2))
+        if scalefactor != 1:
+            values *= np.float32(scalefactor)
+        self._blobs[self._input(name)] = values
+
+    def _input(self, name):
+        """Returns the name of an input in the prototxt."""
+        if name and name not in self._inputs:
+            raise UsageError(f"no input '{name}'; expected one of {', '.join(self._inputs)}")
+        return self._graph.inputs[self._inputs.index(name) if name else 0]
+
+    def input_names(self):
+        """Returns the names of the inputs, in the order of the prototxt. cv2.dnn has no such function."""
+        self._check_not_empty()
+        return tuple(self._inputs)
+
+    def input_shape(self):
+        """Returns the first input's shape in the prototxt; () if it has none. cv2.dnn has no such function."""
+        self._check_not_empty()
+        return () if self._net is None else tuple(self._net.inputs[self._graph.inputs[0]])
+
+    def setInputsNames(self, inputBlobNames):
+        """Renames the inputs, in the order of the prototxt."""
+        self._check_not_empty()
+        if len(inputBlobNames) != len(self._inputs):
+            raise UsageError(f'setInputsNames: expected {len(self._inputs)} names, found {len(inputBlobNames)}')
+        self._inputs = list(inputBlobNames)
+
+    def setInputShape(self, inputName, shape):
+        """Sets the shape of an input that has none in the prototxt. setInput() needs no call of this."""
+        self._check_not_empty()
+        self._shapes[self._input(inputName)] = tuple(int(n) for n in shape)
+
+    # Passes
+
+    def forward(self, outputName='', outputBlobs=None, *, outBlobNames=None):
+        """Runs the layers that the outputs need.
+
+        Args:
+            outputName: name of a layer, or list of names; '': the last layer.
+        Returns:
+            The first output of the layer, a new array; for a list a tuple of them.
+        """
+        self._check_not_empty()
+        names = outputName if outBlobNames is None else outBlobNames
+        if isinstance(names, str):
+            return self._forward([self._node(names or len(self._graph.layers)).ports[:1]])[0][0]
+        names = list(names) or [self._graph.layers[-1].name]
+        return tuple(arrays[0] for arrays in self._forward([self._node(name).ports[:1] for name in names]))
+
+    def forwardAndRetrieve(self, outBlobNames):
+        """Returns a tuple for each named layer, with all outputs of the layer."""
+        return tuple(map(tuple, self._forward([self._node(name).ports for name in outBlobNames])))
+
+    def forwardAsync(self, outputName=''):
+        """Raises UnsupportedError, as cv2.dnn does on a CPU."""
+        raise UnsupportedError('forwardAsync: passes are synchronous; call forward() in a thread, which releases the GIL')
+
+    def _forward(self, wanted):
+        """wanted: lists of ports. Returns lists of arrays."""
+        net = self._load()
+        lacking = [name for name in self._graph.inputs if name not in self._blobs]
+        if lacking:
+            raise UsageError(f"forward: no values for the input '{lacking[0]}'; call setInput(blob, '{lacking[0]}')")
+        ports = tuple(dict.fromkeys(port for some in wanted for port in some))
+        key = ports, threads(), *(blob.shape for blob in self._blobs.values())
+        with named(*self._names):
+            if key not in self._passes:
+                while len(self._passes) >= _MAX_PASSES:
+                    self._passes.popitem(last=False)
+                made = _Pass(net, list(ports), {name: blob.shape for name, blob in self._blobs.items()})
+                self._check_weights(made.plan)
+                self._passes[key] = made
+            self._passes.move_to_end(key)
+            self._last = self._passes[key]
+            begin = time.perf_counter_ns()
+            self._last.run.forward(self._blobs)
+            self._ticks = time.perf_counter_ns() - begin
+        return [[self._output(port) for port in some] for some in wanted]
+
+    def _check_weights(self, plan):
+        if any(cost.name in self._missing for cost in plan.layers):
+            raise InputError(f'{self._problem}, or set them: net.getLayer(name).blobs = [...]')
+
+    def _output(self, port):
+        """Returns a copy. Detections are sorted as in OpenCV: by image, then by confidence; zeros fill keep_top_k rows per image."""
+        array = np.array(self._last.run.output(port))
+        if port in self._graph.detections:
+            rows = array.reshape(-1, 7)
+            rows = rows[rows[:, 1] >= 0]  # the engine's row of -1 stands for none
+            n_images = self._blobs[self._graph.inputs[0]].shape[0]
+            array = np.zeros((1, 1, max(self._graph.detections[port] * n_images, len(rows), 1), 7), np.float32)
+            array[0, 0, : len(rows)] = rows[np.lexsort((-rows[:, 2], rows[:, 0]))]
+        return array
+
+    # Layers
+
+    def _node(self, which):
+        """which: the name or number of a layer."""
+        self._check_not_empty()
+        number = self.getLayerId(which) if isinstance(which, str) else int(which)
+        if not 1 <= number <= len(self._graph.layers):
+            raise UsageError(f"no layer {which!r}; cv2.dnn knows outputs by names of layers, not of blobs: getLayerNames()")
+        return self._graph.layers[number - 1]
+
+    def getLayerNames(self):
+        """Returns the names of all layers but inputs. A repeated name has a number: relu, relu_1."""
+        return () if self.empty() else tuple(layer.name for layer in self._graph.layers)
+
+    def getLayerId(self, layer):
+        """Returns the number of a layer, from 1; -1 if there is none of the name."""
+        names = ('_input', *self.getLayerNames())
+        return names.index(layer) if layer in names else -1
+
+    def getLayer(self, layerId):
+        """Returns a layer by name or number: `name`, `type`, `blobs`."""
+        return Layer(self, self._node(layerId))
+
+    def getUnconnectedOutLayers(self):
+        """Returns the numbers of the layers of which no layer reads an output, int32."""
+        self._check_not_empty()
+        return np.array(self._graph.unread, np.int32)
+
+    def getUnconnectedOutLayersNames(self):
+        """Returns the names of the layers of which no layer reads an output."""
+        return tuple(self._node(number).name for number in self.getUnconnectedOutLayers())
+
+    def getLayerTypes(self):
+        """Returns the types of the layers, sorted, each once."""
+        return tuple(sorted({layer.type for layer in self._graph.layers} | {'__NetInputLayer__'}))
+
+    def getLayersCount(self, layerType):
+        """Returns the number of layers of a type."""
+        return sum(layer.type == layerType for layer in self._graph.layers)
+
+    def _weights_of(self, layer):
+        """Returns views of the weights in OpenCV's shapes."""
+        node = self._node(layer)
+        return [_shaped(node, i, blob) for i, blob in enumerate(self._load().weights.get(node.layer, ()))]
+
+    def getParam(self, layer, numParam=0):
+        """Returns weights of a layer, by its name or number: a copy of array `numParam`."""
+        blobs = self._weights_of(layer)
+        if not 0 <= numParam < len(blobs):
+            raise UsageError(f"layer '{self._node(layer).name}' has {len(blobs)} arrays of weights, none of index {numParam}")
+        return blobs[numParam].copy()
+
+    def setParam(self, layer, numParam, blob):
+        """Sets array `numParam` of the weights of a layer, of any shape with as many values."""
+        name, blob = self._node(layer).layer, np.asarray(blob, np.float32)
+        self.getParam(layer, numParam)
+        arrays = self._net.weights[name]
+        if blob.size != arrays[numParam].size:
+            raise UsageError(f"setParam: layer '{name}': expected {arrays[numParam].size} values, found the shape {blob.shape}")
+        self._changed.setdefault(name, {})[numParam] = np.ascontiguousarray(blob.reshape(arrays[numParam].shape))
+        self._missing.discard(name)
+
+    # Costs
+
+    def _costs(self, shapes):
+        """shapes: of the inputs, or that of the only one. Returns the engine's costs by name of layer."""
+        shapes = [shapes] if np.ndim(shapes[0]) == 0 else shapes
+        with named(*self._names):
+            plan = self._load().plan(dict(zip(self._graph.inputs, map(tuple, shapes))), keep_all=True)
+        return {cost.name: cost for cost in plan.layers}
+
+    def _costs_of(self, arguments):
+        """arguments: shapes, or the number of a layer and shapes. Returns the shapes, costs of all layers, the layers meant."""
+        *layer, shapes = arguments
+        shapes = [shapes] if np.ndim(shapes[0]) == 0 else shapes
+        return shapes, self._costs(shapes), [self._node(number) for number in layer] or self._graph.layers
+
+    def getFLOPS(self, *arguments):
+        """Returns 2 for each multiplication with addition. Arguments: input shapes, or number of a layer and input shapes."""
+        _, costs, nodes = self._costs_of(arguments)
+        return sum(2 * costs[node.layer].macs for node in nodes if node.layer in costs)
+
+    def getMemoryConsumption(self, *arguments):
+        """Returns the bytes of weights and of outputs; arguments as of getFLOPS()."""
+        shapes, costs, nodes = self._costs_of(arguments)
+        weights = sum(blob.nbytes for node in nodes for blob in self._weights_of(node.name))
+        outputs = [shape for node in nodes if node.layer in costs for shape in costs[node.layer].outputs]
+        outputs += shapes if len(arguments) == 1 else []
+        return weights, sum(4 * int(np.prod(shape)) for shape in outputs)
+
+    def getPerfProfile(self):
+        """Returns the time of the last forward() and the times of its layers in another pass [ns, the ticks of cv2]."""
+        times = dict.fromkeys((node.layer for node in self._graph.layers), 0.0)
+        if self._last is not None:
+            profile = engine.profile(self._last.run, warmup=0, repeat=1)
+            for cost, timing in zip(self._last.plan.layers, profile.layers):
+                times[cost.name] = timing.median * 1e6
+        return self._ticks, np.array([times[node.layer] for node in self._graph.layers])
+
+    # Settings of other backends
+
+    def setPreferableBackend(self, backendId):
+        """Warns once for a backend of GPUs, because nets run on the CPU."""
+        if backendId not in _CPU_BACKENDS:
+            _warn_once()
+
+    def setPreferableTarget(self, targetId):
+        """Warns once for a GPU, because nets run on the CPU."""
+        if targetId not in _CPU_TARGETS:
+            _warn_once()
+
+    def enableFusion(self, fusion):
+        """Does nothing: layers are fused wherever no output is asked for."""
+
+    def enableWinograd(self, useWinograd):
+        """Does nothing: Winograd's algorithm is used where it is faster and accurate."""
+
+
+def _shaped(layer, index, blob):
+    """Returns the view of a bias that has OpenCV's shape."""
+    if index == 1 and layer.type == 'InnerProduct':
+        return blob.reshape(1, -1)
+    return blob.reshape(-1, 1) if blob.ndim == 1 else blob
+
+
+def _is_buffer(source):
+    return isinstance(source, (bytes, bytearray, memoryview, np.ndarray, list))
+
+
+def _content(source):
+    """Returns the bytes of a buffer."""
+    return np.asarray(source, np.uint8).tobytes() if isinstance(source, (np.ndarray, list)) else bytes(source)
+
+
+def readNetFromCaffe(prototxt=None, caffeModel='', *, bufferProto=None, bufferModel=None):
+    """Reads a Caffe network.
+
+    Args:
+        prototxt: path, or content as bytes, bytearray or uint8 array (bufferProto).
+        caffeModel: the weights in the same way (bufferModel); '': the net has names and shapes, but cannot run.
+    Raises:
+        revisit.InputError: the files cannot be read, do not parse, or do not match.
+        revisit.UnsupportedError: the engine lacks a layer type.
+    """
+    prototxt = prototxt if bufferProto is None else bufferProto
+    caffeModel = caffeModel if bufferModel is None else bufferModel
+    options = {'allow_unknown_fields': True}
+    if _is_buffer(prototxt):
+        text_name = '<prototxt>'
+        file = proto.parse_net(_content(prototxt).decode('utf-8', 'surrogateescape'), **options)
+    else:
+        text_name = os.fspath(prototxt)
+        file = proto.read_net(text_name, **options)
+    for note in file.warnings:
+        warnings.warn(note, stacklevel=2)
+    if _is_buffer(caffeModel):
+        weights, name = _content(caffeModel) or None, '<weights>'
+    elif not caffeModel:
+        weights, name = None, text_name
+    else:
+        name = os.fspath(caffeModel)
+        try:
+            with open(name, 'rb') as opened:
+                weights = opened.read()
+        except OSError as error:
+            raise InputError(f'{name}: cannot be read ({error.strerror}); give the path of the caffemodel') from None
+    return Net()._take(file, weights, (text_name, name))
+
+
+def readNet(model, config='', framework=''):
+    """Reads a Caffe network from a caffemodel and a prototxt, in any order, or readNet('caffe', bufferModel, bufferConfig)."""
+    if _is_buffer(config):  # framework, bufferModel, bufferConfig
+        model, config, framework = config, framework, model
+    elif str(model).endswith('.prototxt') or str(config).endswith('.caffemodel'):
+        model, config = config, model
+    if framework and framework.lower() != 'caffe':
+        raise UnsupportedError(f"readNet: expected the framework 'caffe', found '{framework}'; cv2.dnn reads the others")
+    if not _is_buffer(model) and not config:
+        raise UsageError(f"readNet: expected a caffemodel and a prototxt, found only '{model}'")
+    return readNetFromCaffe(config, model)
