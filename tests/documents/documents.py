@@ -264,7 +264,7 @@ class Checker:
     def check_program(self, document, block):
         folders = ('base', 'engine', 'proto', 'pipeline/recognition', 'pipeline/loops', 'pipeline/maps', 'pipeline/registration')
         includes = [f'-I{ROOT / folder / "include"}' for folder in folders]
-        includes += ['-isystem', '/usr/include/eigen3']
+        includes += ['-isystem', '/usr/include/eigen3', '-isystem', '/usr/include/opencv4']
         done = subprocess.run(['c++', '-std=c++20', '-fsyntax-only', '-xc++', *includes, '-'], input=block.text, text=True,
                               capture_output=True)
         if done.returncode != 0:

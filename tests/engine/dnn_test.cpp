@@ -23,7 +23,7 @@ Net small() {
 TEST(Dnn, RunsTheLayersOfAnOutput) {
   Net net = small();
   net.set_input(blob_from_image(cv::Mat(4, 6, CV_8UC3, cv::Scalar(1, 2, 3)), 1, {}, {3, 0, 0}));
-  const std::vector<cv::Mat> outputs = net.forward({"double", "mean"});
+  const std::vector<cv::Mat> outputs = net.forward_all({"double", "mean"});
   EXPECT_EQ(outputs[0].size[3], 6);
   EXPECT_EQ(outputs[0].ptr<float>(0, 0)[0], -3);
   EXPECT_EQ(outputs[1].ptr<float>(0, 0)[0], 0);

@@ -151,6 +151,9 @@ class Nets(unittest.TestCase):
         net.setInput(image)
         rows = net.forward()[0, 0]
         np.testing.assert_allclose(rows[:3], [[0, 1, 0.75, 0.5, 0.5, 1, 1], [0, 1, 0.5, 0, 0, 0.5, 0.5], [0] * 7])
+        wide = dnn.readNetFromCaffe(SSD.replace('min_size: 4', 'min_size: 10').replace('keep_top_k', 'clip: true keep_top_k').encode())
+        wide.setInput(image)
+        np.testing.assert_allclose(wide.forward()[0, 0, 0], [0, 1, 0.75, 0.125, 0.125, 1, 1])
         model = dnn.DetectionModel(net)
         frame = np.zeros((80, 100), np.uint8)
         self.assertEqual([len(found) for found in model.detect(frame)], [0, 0, 0])

@@ -68,6 +68,7 @@ NETS = {
     'many detections': DETECTION % 0.01,
     'few detections': DETECTION % 0.99,
     'no detection': DETECTION % 0.9999,
+    'clipped detections': (DETECTION % 0.01).replace('keep_top_k', 'clip: 1 keep_top_k'),
 }
 
 
@@ -92,6 +93,19 @@ def with_random_weights(prototxt, caffemodel, seed=1):
                 array *= (2.5 if name.endswith('conf') else 0.5) / run.output(name).std()
     write(caffemodel, weights)
     return net.inputs
+
+
+def shape_to_run(shape):
+    """One image, of at least 96 x 96 pixels if the prototxt leaves its size to the caller."""
+    return (1, shape[1], *(96 if size < 8 else size for size in shape[2:])) if len(shape) == 4 else shape
+
+
+def in_order(output):
+    """Sorts detections by image, class and position, because rounding exchanges those of one confidence."""
+    if output.ndim != 4 or output.shape[:2] != (1, 1) or output.shape[3] != 7:
+        return output
+    rows = output[0, 0]
+    return rows[np.lexsort((rows[:, 3], rows[:, 1], rows[:, 0]))]
 
 
 def relative_difference(a, b):
@@ -119,7 +133,7 @@ class AgainstOpenCv(unittest.TestCase):
         names = [name for name in theirs.getLayerNames() if not name.endswith('/mvn')]  # BatchNorm of the pass is two layers there
         self.assertEqual(list(ours.getLayerNames()), names)
         self.assertEqual(ours.getUnconnectedOutLayersNames(), theirs.getUnconnectedOutLayersNames())
-        blobs = {name: self.random.normal(size=(1, *shape[1:]) if len(shape) == 4 else shape).astype(np.float32) for name, shape in shapes.items()}
+        blobs = {name: self.random.normal(size=shape_to_run(shape)).astype(np.float32) for name, shape in shapes.items()}
         worst = 0
         for names in (ours.getUnconnectedOutLayersNames(), ours.getLayerNames()):  # with layers fused, and all
             theirs = cv2.dnn.readNetFromCaffe(*self.files)  # after another forward() it has the weights of fused layers
@@ -128,8 +142,9 @@ class AgainstOpenCv(unittest.TestCase):
                     net.setInput(blob, name)
             for name, expected, found in zip(names, theirs.forward(names), ours.forward(names)):
                 self.assertEqual(found.shape, expected.shape, name)
-                self.assertLess(relative_difference(expected, found), tolerance, name)
-                worst = max(worst, relative_difference(expected, found))
+                difference = relative_difference(in_order(expected), in_order(found))
+                self.assertLess(difference, tolerance, name)
+                worst = max(worst, difference)
         return worst
 
     def test_nets(self):
@@ -234,10 +249,9 @@ class AgainstOpenCv(unittest.TestCase):
             with self.subTest(file.stem):
                 try:
                     theirs, ours, shapes = self.both(file.read_text())
+                    print(f'{file.stem}: {len(ours.getLayerNames())} layers, {self.compare(theirs, ours, shapes, 1e-4):.1e}', flush=True)
                 except cv2.error as error:
-                    print(f'{file.stem}: OpenCV fails: {str(error).splitlines()[0]}')
-                    continue
-                print(f'{file.stem}: {len(ours.getLayerNames())} layers,', f'{self.compare(theirs, ours, shapes, 1e-4):.1e}', flush=True)
+                    print(f'{file.stem}: OpenCV fails: {str(error).splitlines()[0]}', flush=True)
 
 
 if __name__ == '__main__':

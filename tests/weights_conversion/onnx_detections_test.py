@@ -20,6 +20,7 @@ SSD = {
     'no background': f'{COMMON} background_label_id: -1 share_location: false nms_param {{ nms_threshold: 0.3 }}',
     'background in the middle': f'{COMMON} background_label_id: 2 nms_param {{ nms_threshold: 0.3 }}',
     'variance in the network': f'{COMMON} variance_encoded_in_target: true nms_param {{ nms_threshold: 0.3 }}',
+    'clipped': f'{COMMON} clip: true nms_param {{ nms_threshold: 0.45 }}',
     'corners': 'num_classes: 4 confidence_threshold: 0.3 nms_param { nms_threshold: 0.3 }',
     'corners in sizes': 'num_classes: 4 confidence_threshold: 0.3 code_type: CORNER_SIZE nms_param { nms_threshold: 0.3 }',
     'threshold that does not adapt': f'{COMMON} nms_param {{ nms_threshold: 0.45 eta: 0.5 }}',

@@ -38,6 +38,11 @@ Scratch divide(const DetectionProblem& p, float* scratch) {
   return {boxes, candidates, reinterpret_cast<Detection*>(candidates + p.priors)};
 }
 
+Box clipped(const Box& box) {
+  return {std::clamp(box.xmin, 0.F, 1.F), std::clamp(box.ymin, 0.F, 1.F),
+          std::clamp(box.xmax, 0.F, 1.F), std::clamp(box.ymax, 0.F, 1.F)};
+}
+
 void decode_boxes(const DetectionProblem& p, const float* locations, const float* priors,
                   Box* boxes) {
   constexpr float kApplied[4] = {1, 1, 1, 1};
@@ -45,9 +50,11 @@ void decode_boxes(const DetectionProblem& p, const float* locations, const float
   for (int64_t i = 0; i < p.priors; ++i) {
     const float* prior = priors + 4 * i;
     const float* variance = p.variance_in_target ? kApplied : priors + 4 * (p.priors + i);
-    for (int64_t c = 0; c < per_prior; ++c)
-      boxes[c * p.priors + i] = decode_box({prior[0], prior[1], prior[2], prior[3]}, variance,
-                                           locations + 4 * (i * per_prior + c), p.code);
+    for (int64_t c = 0; c < per_prior; ++c) {
+      const Box box = decode_box({prior[0], prior[1], prior[2], prior[3]}, variance,
+                                 locations + 4 * (i * per_prior + c), p.code);
+      boxes[c * p.priors + i] = p.clip ? clipped(box) : box;
+    }
   }
 }
 

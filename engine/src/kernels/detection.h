@@ -63,6 +63,7 @@ struct DetectionProblem {
   int64_t background = 0;        // class that is ignored; -1: none
   BoxCode code = BoxCode::kCorner;
   bool variance_in_target = false;  // the network's outputs include the variances
+  bool clip = false;                // boxes end at the borders of the image
   float confidence_threshold = 0;
   float overlap_threshold = 0.3F, eta = 1;
   int64_t top_k = -1;       // candidates per class; -1: all

@@ -251,6 +251,7 @@ class DetectionOutput : public Layer {
     p.background = param_.background_label_id();
     p.code = code();
     p.variance_in_target = param_.variance_encoded_in_target();
+    p.clip = param_.clip();
     p.confidence_threshold =
         param_.has_confidence_threshold() ? param_.confidence_threshold() : -FLT_MAX;
     p.overlap_threshold = param_.nms_param().nms_threshold();

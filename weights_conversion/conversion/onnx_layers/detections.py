@@ -91,6 +91,8 @@ def _detection_output(g, site):
     if not n or not k:
         site.refuse('no class or no box can be detected')
     boxes = _decoded(g, p, g.reshape(site.x[0], images, priors, -1, 4), g.reshape(site.x[2], 2, priors, 4))
+    if p.clip:
+        boxes = g.node('Min', g.node('Max', boxes, g.constant([0])), g.constant([1]))
     boxes = g.node('Transpose', boxes, perm=[0, 2, 1, 3])
     scores = g.node('Transpose', g.reshape(site.x[1], images, priors, classes), perm=[0, 2, 1])
     if n < classes:

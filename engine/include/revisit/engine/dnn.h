@@ -45,9 +45,9 @@ class Net {
   /// UsageError for an unknown layer or an input without values, InputError for shapes that do not
   /// fit.
   cv::Mat forward(const std::string& layer = "") {
-    return forward(std::vector{layer.empty() ? net_.layer_names().back() : layer}).front();
+    return forward_all({layer.empty() ? net_.layer_names().back() : layer}).front();
   }
-  std::vector<cv::Mat> forward(const std::vector<std::string>& layers) {
+  std::vector<cv::Mat> forward_all(const std::vector<std::string>& layers) {
     const engine::Run& done = pass(layers);
     std::vector<cv::Mat> outputs;
     for (const std::string& layer : layers) {
