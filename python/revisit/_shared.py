@@ -1,7 +1,9 @@
-"""Threads and messages of the interfaces of pycaffe and cv2.dnn."""
+"""Threads, messages and scripts of the interfaces of pycaffe and cv2.dnn."""
 
 import contextlib
 import os
+import runpy
+import sys
 
 from .errors import Error
 
@@ -34,3 +36,12 @@ def named(prototxt, weights=''):
     except Error as error:
         message = str(error).replace('<prototxt>', prototxt).replace('<weights>', weights)
         raise type(error)(message) from None
+
+
+def run_script(usage):
+    """Runs the script that the command line names, with the arguments behind it."""
+    if len(sys.argv) < 2 or sys.argv[1].startswith('-'):
+        sys.exit(usage)
+    del sys.argv[0]
+    sys.path[0] = os.path.dirname(os.path.realpath(sys.argv[0]))
+    runpy.run_path(sys.argv[0], run_name='__main__')

@@ -62,6 +62,7 @@ class Nets(unittest.TestCase):
         self.assertEqual((list(net.getUnconnectedOutLayers()), net.getUnconnectedOutLayersNames()), ([5], ('prob',)))
         self.assertEqual((net.getLayer(2).name, net.getLayer('conv_1').type), ('conv_1', 'ReLU'))
         self.assertEqual(net.getLayersCount('ReLU'), 1)
+        self.assertEqual([net.getLayer(0).outputNameToIndex(name) for name in ('data', 'im_info')], [0, -1])
         self.assertIn('__NetInputLayer__', net.getLayerTypes())
 
     def test_a_convolution_has_the_name_of_its_output(self):
@@ -212,6 +213,11 @@ class Images(unittest.TestCase):
         self.assertEqual(dnn.imagesFromBlob(blob)[1].tolist(), self.image.tolist())
         with self.assertRaisesRegex(revisit.UsageError, 'was not read'):
             dnn.blobFromImage(None)
+        for size, message in (((0, 3), 'at least 1'), ((-1, -1), 'at least 1')):
+            with self.assertRaisesRegex(revisit.UsageError, message):
+                dnn.blobFromImage(self.image, size=size)
+        with self.assertRaisesRegex(revisit.UsageError, r'as many in each, found \[1, 3\]'):
+            dnn.blobFromImages([self.image, self.image[:, :, 0]])
         with self.assertRaisesRegex(revisit.UsageError, 'uint8 needs'):
             dnn.blobFromImage(self.image, 0.5, ddepth=0)
 

@@ -1,4 +1,4 @@
-"""Runs the programs of docs/PYTHON.md and docs/MAPS.md in order, in a folder with the files that they use."""
+"""Runs the programs of docs/PYTHON.md, docs/MAPS.md and docs/OPENCV.md in order, in a folder with the files that they use."""
 
 import importlib
 import os
@@ -39,10 +39,10 @@ def prepare(folder):
 
 class Documents(unittest.TestCase):
     def test_programs_run(self):
-        text = (ROOT / 'docs/PYTHON.md').read_text() + (ROOT / 'docs/MAPS.md').read_text()
+        text = ''.join((ROOT / 'docs' / page).read_text() for page in ('PYTHON.md', 'MAPS.md', 'OPENCV.md'))
         programs = [program for program in re.findall(r'```python\n(.*?)```', text, re.DOTALL)
                     if 'import revisit.caffe' not in program]  # run by test_caffe_scripts.py
-        self.assertEqual(len(programs), 5)
+        self.assertEqual(len(programs), 6)
         with tempfile.TemporaryDirectory() as folder:
             prepare(Path(folder))
             for program in programs:
@@ -56,7 +56,7 @@ class Documents(unittest.TestCase):
         for name in ('datasets', 'engine', 'evaluation', 'maps', 'proto', 'recognition'):
             self.assertIn(f'| `{name}` |', text)
             self.assertTrue(hasattr(revisit, name))
-        for name in ('loops', 'poses', 'program', 'recordings', 'show'):  # not imported by `import revisit`
+        for name in ('dnn', 'loops', 'poses', 'program', 'recordings', 'show'):  # not imported by `import revisit`
             self.assertIn(f'| `{name}` |', text)
             importlib.import_module(f'revisit.{name}')
 

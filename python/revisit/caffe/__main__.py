@@ -1,10 +1,9 @@
 """Runs a script with `import caffe` unchanged: python -m revisit.caffe [--allow-unknown] SCRIPT [ARGUMENTS]."""
 
-import os
-import runpy
 import sys
 
 from revisit import caffe
+from revisit._shared import run_script
 from revisit.caffe import classifier
 
 
@@ -27,12 +26,8 @@ def main():
     if sys.argv[1:2] == ['--allow-unknown']:
         del sys.argv[1]
         caffe.set_allow_unknown(True)
-    if len(sys.argv) < 2 or sys.argv[1].startswith('-'):
-        sys.exit('usage: python -m revisit.caffe [--allow-unknown] SCRIPT [ARGUMENTS]')
-    del sys.argv[0]
-    sys.path[0] = os.path.dirname(os.path.realpath(sys.argv[0]))
     _register_as_caffe()
-    runpy.run_path(sys.argv[0], run_name='__main__')
+    run_script('usage: python -m revisit.caffe [--allow-unknown] SCRIPT [ARGUMENTS]')
 
 
 if __name__ == '__main__':

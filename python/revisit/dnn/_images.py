@@ -96,6 +96,11 @@ def blobFromImages(images, scalefactor=1.0, size=(0, 0), mean=(), swapRB=False, 
     size = tuple(int(n) for n in size)
     if size == (0, 0):
         size = images[0].shape[1::-1]
+    if min(size) < 1:
+        raise UsageError(f'blobFromImage: expected a size (width, height) of at least 1, found {size}')
+    channels = {image.shape[2] for image in images}
+    if channels - {1, 3, 4} and np.any(mean) or len(channels) > 1:
+        raise UsageError(f'blobFromImages: expected images of 1, 3 or 4 channels, as many in each, found {sorted(channels)}')
     images = np.stack([_fitted(image, size, crop) for image in images])
     if swapRB and images.shape[3] > 2:
         images = images[..., [2, 1, 0, 3][: images.shape[3]]]

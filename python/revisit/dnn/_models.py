@@ -111,16 +111,6 @@ class ClassificationModel(Model):
 class DetectionModel(Model):
     """Model whose net ends with a DetectionOutput: SSD, Faster R-CNN."""
 
-    _across_classes = False
-
-    def setNmsAcrossClasses(self, value):
-        """Kept for getNmsAcrossClasses(): DetectionOutput has suppressed overlapping boxes."""
-        self._across_classes = bool(value)
-        return self
-
-    def getNmsAcrossClasses(self):
-        return self._across_classes
-
     def detect(self, frame, confThreshold=0.5, nmsThreshold=0.0):
         """Returns classes, confidences, and boxes (left, top, width, height) [pixels]; () if there is none."""
         last = self._net.getLayer(self._net.getLayerNames()[-1])

@@ -10,12 +10,13 @@ import numpy as np
 from .. import engine, proto
 from .._shared import named, threads
 from ..errors import InputError, UnsupportedError, UsageError
-from ._graph import Graph
+from ._graph import Graph, Node
 from ._images import scalar
 
 _MAX_PASSES = 4  # cached passes with other outputs or shapes; each has the memory of its blobs
 _CPU_BACKENDS, _CPU_TARGETS = (0, 2, 3), (0, 10)  # default, OpenVINO, OpenCV; CPU, CPU_FP16
 _NO_SHAPE = 'gives no shape for the input'  # the engine's message; setInput() gives one
+_INPUT = '__NetInputLayer__'  # type of layer 0
 _has_warned = False
 
 
@@ -45,7 +46,7 @@ class Layer:
     @property
     def blobs(self):
         """Copies of the weights."""
-        return [blob.copy() for blob in self._net._weights_of(self.name)]
+        return [blob.copy() for blob in self._net._weights_of(self.name)] if self.type != _INPUT else []
 
     @blobs.setter
     def blobs(self, arrays):
@@ -54,8 +55,9 @@ class Layer:
             self._net.setParam(self.name, i, array)
 
     def outputNameToIndex(self, outputName):
-        """Returns 0 as cv2.dnn does, whose layers have no names of outputs."""
-        return 0
+        """Returns the number of an input, -1 for another name, for layer 0; else 0, because outputs of layers have no names."""
+        inputs = self._net.input_names()
+        return 0 if self.type != _INPUT else inputs.index(outputName) if outputName in inputs else -1
 
 
 class Net:
@@ -264,8 +266,8 @@ class Net:
         return names.index(layer) if layer in names else -1
 
     def getLayer(self, layerId):
-        """Returns a layer by name or number: `name`, `type`, `blobs`."""
-        return Layer(self, self._node(layerId))
+        """Returns a layer by name or number: `name`, `type`, `blobs`. Number 0 stands for the inputs."""
+        return Layer(self, Node('_input', _INPUT, '', []) if layerId in (0, '_input') else self._node(layerId))
 
     def getUnconnectedOutLayers(self):
         """Returns the numbers of the layers of which no layer reads an output, int32."""
@@ -278,7 +280,7 @@ class Net:
 
     def getLayerTypes(self):
         """Returns the types of the layers, sorted, each once."""
-        return tuple(sorted({layer.type for layer in self._graph.layers} | {'__NetInputLayer__'}))
+        return tuple(sorted({layer.type for layer in self._graph.layers} | {_INPUT}))
 
     def getLayersCount(self, layerType):
         """Returns the number of layers of a type."""
@@ -308,27 +310,24 @@ class Net:
 
     # Costs
 
-    def _costs(self, shapes):
-        """shapes: of the inputs, or that of the only one. Returns the engine's costs by name of layer."""
+    def _costs(self, layer_and_shapes):
+        """Returns the input shapes, the layers meant (all, or the one of a number before the shapes), and the engine's costs by name."""
+        if not layer_and_shapes or not len(layer_and_shapes[-1]):
+            raise UsageError('expected a shape for each input, found none')
+        *layer, shapes = layer_and_shapes
         shapes = [shapes] if np.ndim(shapes[0]) == 0 else shapes
         with named(*self._names):
             plan = self._load().plan(dict(zip(self._graph.inputs, map(tuple, shapes))), keep_all=True)
-        return {cost.name: cost for cost in plan.layers}
-
-    def _costs_of(self, arguments):
-        """arguments: shapes, or the number of a layer and shapes. Returns the shapes, costs of all layers, the layers meant."""
-        *layer, shapes = arguments
-        shapes = [shapes] if np.ndim(shapes[0]) == 0 else shapes
-        return shapes, self._costs(shapes), [self._node(number) for number in layer] or self._graph.layers
+        return shapes, [self._node(number) for number in layer] or self._graph.layers, {cost.name: cost for cost in plan.layers}
 
     def getFLOPS(self, *arguments):
         """Returns 2 for each multiplication with addition. Arguments: input shapes, or number of a layer and input shapes."""
-        _, costs, nodes = self._costs_of(arguments)
+        _, nodes, costs = self._costs(arguments)
         return sum(2 * costs[node.layer].macs for node in nodes if node.layer in costs)
 
     def getMemoryConsumption(self, *arguments):
         """Returns the bytes of weights and of outputs; arguments as of getFLOPS()."""
-        shapes, costs, nodes = self._costs_of(arguments)
+        shapes, nodes, costs = self._costs(arguments)
         weights = sum(blob.nbytes for node in nodes for blob in self._weights_of(node.name))
         outputs = [shape for node in nodes if node.layer in costs for shape in costs[node.layer].outputs]
         outputs += shapes if len(arguments) == 1 else []
