@@ -20,7 +20,7 @@ set(sees_python loops maps evaluation registration simulation baselines datasets
 set(sees_tools tools loops maps registration baselines evaluation datasets recognition profiling engine proto weights_conversion base)
 
 set(owned_libraries
-  "opencv2/|pipeline/baselines/src/opencv/"
+  "opencv2/|pipeline/baselines/src/opencv/|engine/include/revisit/engine/dnn.h"
   "png.h|pipeline/datasets/src/io/gray_png|tools/src/pictures/picture.cpp"
   "jpeglib.h|tools/src/pictures/picture.cpp"
   "liblzf/|pipeline/datasets/src/io/pcd"
