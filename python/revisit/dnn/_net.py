@@ -13,7 +13,7 @@ from ..errors import InputError, UnsupportedError, UsageError
 from ._graph import Graph, Node
 from ._images import scalar
 
-_MAX_PASSES = 4  # cached passes with other outputs or shapes; each has the memory of its blobs
+_MAX_RUNS = 4  # cached runs of other outputs or shapes; each has the memory of its blobs
 _CPU_BACKENDS, _CPU_TARGETS = (0, 2, 3), (0, 10)  # default, OpenVINO, OpenCV; CPU, CPU_FP16
 _NO_SHAPE = 'gives no shape for the input'  # the engine's message; setInput() gives one
 _INPUT = '__NetInputLayer__'  # type of layer 0
@@ -25,14 +25,6 @@ def _warn_once():
     if not _has_warned:
         _has_warned = True
         warnings.warn('revisit.dnn runs on the CPU: setPreferableBackend() and setPreferableTarget() do nothing', stacklevel=4)
-
-
-class _Pass:
-    """A truncated net for some input shapes, with its memory."""
-
-    def __init__(self, net, ports, shapes):
-        self.plan = net.truncated(ports).plan(shapes, threads=threads())
-        self.run = self.plan.run()
 
 
 class Layer:
@@ -72,8 +64,8 @@ class Net:
         self._blobs, self._shapes = {}, {}  # by names of inputs: arrays, shapes for loading
         self._missing = set()  # layers without weights
         self._changed = {}  # layer -> index -> weights that setParam() has set since loading
-        self._passes = OrderedDict()
-        self._last = None  # the last pass
+        self._runs = OrderedDict()  # outputs, threads and shapes -> run of the engine
+        self._last = None  # the last run
         self._ticks = 0
 
     def _take(self, file, weights, names):
@@ -103,7 +95,7 @@ class Net:
             file.set_weights(weights)
             self._net = engine.Net.load_from_memory(self._graph.text, file.to_bytes(), allow_unknown=True, inputs=self._net.inputs)
             self._changed.clear()
-            self._passes.clear()
+            self._runs.clear()
             self._last = None
         return self._net
 
@@ -218,26 +210,23 @@ class Net:
         ports = tuple(dict.fromkeys(port for some in wanted for port in some))
         key = ports, threads(), *(blob.shape for blob in self._blobs.values())
         with named(*self._names):
-            if key not in self._passes:
-                while len(self._passes) >= _MAX_PASSES:
-                    self._passes.popitem(last=False)
-                made = _Pass(net, list(ports), {name: blob.shape for name, blob in self._blobs.items()})
-                self._check_weights(made.plan)
-                self._passes[key] = made
-            self._passes.move_to_end(key)
-            self._last = self._passes[key]
+            if key not in self._runs:
+                while len(self._runs) >= _MAX_RUNS:
+                    self._runs.popitem(last=False)
+                plan = net.truncated(list(ports)).plan({name: blob.shape for name, blob in self._blobs.items()}, threads=threads())
+                if any(cost.name in self._missing for cost in plan.layers):
+                    raise InputError(f'{self._problem}, or set them: net.getLayer(name).blobs = [...]')
+                self._runs[key] = plan.run()
+            self._runs.move_to_end(key)
+            self._last = self._runs[key]
             begin = time.perf_counter_ns()
-            self._last.run.forward(self._blobs)
+            self._last.forward(self._blobs)
             self._ticks = time.perf_counter_ns() - begin
         return [[self._output(port) for port in some] for some in wanted]
 
-    def _check_weights(self, plan):
-        if any(cost.name in self._missing for cost in plan.layers):
-            raise InputError(f'{self._problem}, or set them: net.getLayer(name).blobs = [...]')
-
     def _output(self, port):
         """Returns a copy. Detections are sorted as in OpenCV: by image, then by confidence; zeros fill keep_top_k rows per image."""
-        array = np.array(self._last.run.output(port))
+        array = np.array(self._last.output(port))
         if port in self._graph.detections:
             rows = array.reshape(-1, 7)
             rows = rows[rows[:, 1] >= 0]  # the engine's row of -1 stands for none
@@ -337,7 +326,7 @@ class Net:
         """Returns the time of the last forward() and the times of its layers in another pass [ns, the ticks of cv2]."""
         times = dict.fromkeys((node.layer for node in self._graph.layers), 0.0)
         if self._last is not None:
-            profile = engine.profile(self._last.run, warmup=0, repeat=1)
+            profile = engine.profile(self._last, warmup=0, repeat=1)
             for cost, timing in zip(self._last.plan.layers, profile.layers):
                 times[cost.name] = timing.median * 1e6
         return self._ticks, np.array([times[node.layer] for node in self._graph.layers])
