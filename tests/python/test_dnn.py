@@ -50,6 +50,21 @@ def conv_net():
                                                           fc=[fc, np.zeros(5, np.float32)]))
 
 
+class CropLayer:
+    """Crops about the center, as scripts for HED register it in OpenCV."""
+
+    def __init__(self, params, blobs):
+        pass
+
+    def getMemoryShapes(self, inputs):
+        (_, _, height, width), (_, _, rows, columns) = inputs
+        self.y, self.x, self.size = (height - rows) // 2, (width - columns) // 2, (rows, columns)
+        return [[*inputs[0][:2], rows, columns]]
+
+    def forward(self, inputs):
+        return [inputs[0][:, :, self.y : self.y + self.size[0], self.x : self.x + self.size[1]]]
+
+
 class Nets(unittest.TestCase):
     def setUp(self):
         self.net = conv_net()
@@ -162,6 +177,20 @@ class Nets(unittest.TestCase):
         classes, confidences, boxes = model.detect(frame)
         self.assertEqual((classes.tolist(), confidences.tolist(), boxes.tolist()), ([1], [1], [[50, 40, 50, 40]]))
 
+    def test_a_registered_crop(self):
+        text = 'input: "x" input_shape { dim: 1 dim: 1 dim: 6 dim: 9 } input: "y" input_shape { dim: 1 dim: 1 dim: 2 dim: 3 }\n' \
+               'layer { name: "k" type: "Crop" bottom: "x" bottom: "y" top: "k" }'
+        net = dnn.readNetFromCaffe(text.encode())
+        net.setInput(np.arange(54).reshape(1, 1, 6, 9), 'x')
+        net.setInput(np.zeros((1, 1, 2, 3)), 'y')
+        self.assertEqual(net.forward().ravel().tolist(), [0, 1, 2, 9, 10, 11])
+        dnn.registerLayer('Crop', CropLayer)
+        self.addCleanup(dnn._net._registered.clear)
+        net.setInput(np.zeros((1, 1, 4, 3)), 'y')
+        self.assertEqual(net.forward()[0, 0, :, 0].tolist(), [12, 21, 30, 39])
+        with self.assertRaisesRegex(revisit.UnsupportedError, "expected 'Crop'"):
+            dnn.registerLayer('Other', CropLayer)
+
     def test_settings(self):
         dnn._net._has_warned = False
         with warnings.catch_warnings(record=True) as caught:
@@ -225,7 +254,6 @@ class Images(unittest.TestCase):
         boxes, scores = [(0, 0, 10, 10), (1, 1, 10, 10), (20, 20, 5, 5), (0, 0, 10, 10)], [0.6, 0.9, 0.5, 0.2]
         self.assertEqual(dnn.NMSBoxes(boxes, scores, 0.3, 0.4).tolist(), [1, 2])
         self.assertEqual(dnn.NMSBoxesBatched(boxes, scores, [0, 1, 0, 0], 0.3, 0.4).tolist(), [1, 0, 2])
-        self.assertEqual(dnn.softNMSBoxes(boxes, scores, 0.3, 0.4)[1].tolist(), [1, 2])
         self.assertEqual(dnn.NMSBoxes([], [], 0.3, 0.4), ())
         with self.assertRaisesRegex(revisit.UsageError, '4 boxes and 1 scores'):
             dnn.NMSBoxes(boxes, [1], 0.3, 0.4)
@@ -248,7 +276,7 @@ def cv2_without_caffe():
     """Returns a module like cv2 of OpenCV 5."""
     names = {name: lambda *arguments, name=name: (name, arguments) for name in (
         'readNet', 'ClassificationModel', 'DetectionModel', 'KeypointsModel', 'Model', 'SegmentationModel')}
-    return types.SimpleNamespace(dnn=types.SimpleNamespace(**names))
+    return types.SimpleNamespace(dnn=types.SimpleNamespace(**names), dnn_registerLayer=lambda *arguments: arguments)
 
 
 class Install(unittest.TestCase):
@@ -263,13 +291,14 @@ class Install(unittest.TestCase):
                 self.assertIsInstance(cv2.dnn_DetectionModel(net), dnn.DetectionModel)
             self.assertEqual(cv2.dnn.readNet('a.onnx'), ('readNet', ('a.onnx',)))
             self.assertEqual(cv2.dnn.Model('a.onnx'), ('Model', ('a.onnx',)))
+            self.assertEqual(cv2.dnn_registerLayer('Other', list), ('Other', list))
             read = cv2.dnn.readNetFromCaffe
             dnn.install()
             self.assertIs(cv2.dnn.readNetFromCaffe, read)
 
     def test_runs_a_script(self):
         with tempfile.TemporaryDirectory() as folder:
-            Path(folder, 'cv2.py').write_text('class dnn:\n    readNet = ClassificationModel = DetectionModel = KeypointsModel = Model '
+            Path(folder, 'cv2.py').write_text('dnn_registerLayer = None\nclass dnn:\n    readNet = ClassificationModel = DetectionModel = KeypointsModel = Model '
                                               '= SegmentationModel = None\n')
             Path(folder, 'script.py').write_text('import cv2, sys\nprint(cv2.dnn.readNetFromCaffe.__module__, sys.argv[1])\n')
             done = subprocess.run([sys.executable, '-m', 'revisit.dnn', f'{folder}/script.py', 'word'], capture_output=True, text=True,

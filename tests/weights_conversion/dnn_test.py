@@ -216,11 +216,6 @@ class AgainstOpenCv(unittest.TestCase):
                 np.testing.assert_array_equal(dnn.NMSBoxes(boxes, scores, 0.3, 0.6, *extra), cv2.dnn.NMSBoxes(boxes, scores, 0.3, 0.6, *extra))
             classes = self.random.integers(0, 3, n).tolist()
             np.testing.assert_array_equal(dnn.NMSBoxesBatched(boxes, scores, classes, 0.3, 0.4), cv2.dnn.NMSBoxesBatched(boxes, scores, classes, 0.3, 0.4))
-            boxes = np.array(boxes, int).tolist()  # cv2's softNMSBoxes() has no others
-            for method in (1, 2):
-                for found, expected in zip(dnn.softNMSBoxes(boxes, scores, 0.2, 0.4, method=method),
-                                           cv2.dnn.softNMSBoxes(boxes, scores, 0.2, 0.4, method=method)):
-                    np.testing.assert_allclose(found, expected, rtol=1e-5)
         self.assertEqual(dnn.NMSBoxes([], [], 0.5, 0.4), cv2.dnn.NMSBoxes([], [], 0.5, 0.4))
 
     def models(self, kind, text, channels=4):

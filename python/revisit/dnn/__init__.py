@@ -4,11 +4,11 @@ OpenCV 5 has no importer for Caffe; install() puts this one into cv2.dnn. docs/O
 """
 
 from .._shared import set_threads
-from ._boxes import NMSBoxes, NMSBoxesBatched, SOFT_NMSMETHOD_SOFTNMS_GAUSSIAN, SOFT_NMSMETHOD_SOFTNMS_LINEAR, softNMSBoxes
+from ._boxes import NMSBoxes, NMSBoxesBatched
 from ._images import blobFromImage, blobFromImages, imagesFromBlob
 from ._install import install
 from ._models import ClassificationModel, DetectionModel, KeypointsModel, Model, SegmentationModel
-from ._net import Layer, Net, readNet, readNetFromCaffe
+from ._net import Layer, Net, readNet, readNetFromCaffe, registerLayer
 
 (DNN_BACKEND_DEFAULT, DNN_BACKEND_HALIDE, DNN_BACKEND_INFERENCE_ENGINE, DNN_BACKEND_OPENCV, DNN_BACKEND_VKCOM,
  DNN_BACKEND_CUDA, DNN_BACKEND_WEBNN, DNN_BACKEND_TIMVX, DNN_BACKEND_CANN) = range(9)

@@ -4,8 +4,6 @@ import numpy as np
 
 from ..errors import UsageError
 
-SOFT_NMSMETHOD_SOFTNMS_LINEAR, SOFT_NMSMETHOD_SOFTNMS_GAUSSIAN = 1, 2
-
 
 def _checked(bboxes, scores):
     boxes = np.asarray(bboxes, np.float64).reshape(-1, 4)
@@ -53,28 +51,3 @@ def NMSBoxesBatched(bboxes, scores, class_ids, score_threshold, nms_threshold, e
     apart = max(0.0, (boxes[:, :2] + boxes[:, 2:]).max(initial=0), boxes[:, :2].max(initial=0)) + 1
     boxes[:, :2] += (np.asarray(class_ids).reshape(-1, 1) * apart)
     return NMSBoxes(boxes, scores, score_threshold, nms_threshold, eta, top_k)
-
-
-def softNMSBoxes(bboxes, scores, score_threshold, nms_threshold, top_k=0, sigma=0.5, method=SOFT_NMSMETHOD_SOFTNMS_GAUSSIAN):
-    """Lowers the scores of boxes by their overlap with better ones (arXiv:1704.04503).
-
-    method: Gaussian of width sigma, or linear beyond nms_threshold. Returns the new scores and indices of boxes to keep.
-    """
-    boxes, scores = _checked(bboxes, scores)
-    left, updated, kept = np.arange(len(boxes)), [], []
-    while len(left) and (top_k == 0 or len(kept) < top_k):
-        best = np.lexsort((-left, scores[left]))[-1]
-        index = left[best]
-        if scores[index] < score_threshold:
-            break
-        kept.append(int(index))
-        updated.append(scores[index])
-        left = np.delete(left, best)
-        overlap = _overlap(boxes[index], boxes[left])
-        if method == SOFT_NMSMETHOD_SOFTNMS_LINEAR:
-            factors = np.where(overlap > nms_threshold, 1 - overlap, np.float32(1))
-        else:
-            factors = np.exp(-overlap * overlap / np.float32(sigma))
-        scores = scores.copy()
-        scores[left] *= np.where(scores[left] < score_threshold, np.float32(1), factors)
-    return np.array(updated, np.float32), np.array(kept, np.int32)

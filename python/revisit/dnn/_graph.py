@@ -19,7 +19,8 @@ class Graph:
     text: prototxt in the current format; a repeated name of a layer has a number, as in OpenCV.
     inputs: names of input blobs. layers: without inputs, in order; the first has the number 1. As OpenCV's importer has it, a
     Convolution has the name of its output blob, and is a layer for each output.
-    unread: numbers of the layers of which no layer reads an output.
+    unread: numbers of the layers of which no layer reads an output. detections: names of DetectionOutput layers -> keep_top_k.
+    crops: names of Crop layers without an offset.
     """
 
     def __init__(self, file):
@@ -56,6 +57,15 @@ class Graph:
                 self.layers.append(Node(name, node.type, layer, shown))
                 if not read.intersection(written):
                     self.unread.append(len(self.layers))
+        self.crops = [name for name, part in zip(names, parts) if '  type: "Crop"' in part and 'offset:' not in part]
         kept = {name: re.search(r'keep_top_k: (\d+)', part) for name, part in zip(names, parts)}
         self.detections = {node.layer: int(kept[node.layer][1]) if kept[node.layer] else 0
                            for node in self.layers if node.type == 'DetectionOutput'}
+
+    def with_offsets(self, offsets):
+        """Returns the prototxt with offsets (y, x) of Crop layers by name."""
+        text = self.text
+        for name, (y, x) in offsets.items():
+            head = f'  name: "{name}"\n  type: "Crop"\n'
+            text = text.replace(head, f'{head}  crop_param {{\n    axis: 2\n    offset: {y}\n    offset: {x}\n  }}\n')
+        return text

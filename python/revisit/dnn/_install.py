@@ -32,6 +32,8 @@ def install():
         return
     cv2.dnn.readNetFromCaffe = _net.readNetFromCaffe
     cv2.dnn.readNet = _either(_net.readNet, cv2.dnn.readNet)
+    register = cv2.dnn_registerLayer
+    cv2.dnn_registerLayer = lambda type, cls: (_net.registerLayer if type == 'Crop' else register)(type, cls)
     for name in ('ClassificationModel', 'DetectionModel', 'KeypointsModel', 'Model', 'SegmentationModel'):
         chosen = _either(getattr(_models, name), getattr(cv2.dnn, name))
         setattr(cv2.dnn, name, chosen)

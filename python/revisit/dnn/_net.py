@@ -20,6 +20,27 @@ _INPUT = '__NetInputLayer__'  # type of layer 0
 _has_warned = False
 
 
+_registered = {}  # type of layer -> class
+
+
+def registerLayer(type, cls):
+    """Does as cv2.dnn_registerLayer for `Crop`: layers without an offset crop what cls(params, blobs) crops. Raises UnsupportedError for others."""
+    if type != 'Crop':
+        raise UnsupportedError(f"registerLayer: expected 'Crop', found '{type}'; revisit.caffe runs layers of type Python")
+    _registered[type] = cls
+
+
+def _offset_of(cls, shape, wanted):
+    """Returns (y, x) of the first pixel that a registered Crop takes of an image of `shape`, where it shall have the shape `wanted`."""
+    layer, grid = cls({}, []), np.arange(shape[2] * shape[3]).reshape(1, 1, *shape[2:])
+    layer.getMemoryShapes([[1, 1, *shape[2:]], [1, 1, *wanted[2:]]])
+    found = np.asarray(layer.forward([grid, np.zeros((1, 1, *wanted[2:]))])[0])
+    y, x = divmod(int(found.flat[0]), shape[3])
+    if not np.array_equal(found, grid[:, :, y : y + wanted[2], x : x + wanted[3]]):
+        raise UnsupportedError(f'registerLayer: {cls.__name__} does not crop {shape} to {wanted}')
+    return y, x
+
+
 def _warn_once():
     global _has_warned
     if not _has_warned:
@@ -208,12 +229,13 @@ class Net:
         if lacking:
             raise UsageError(f"forward: no values for the input '{lacking[0]}'; call setInput(blob, '{lacking[0]}')")
         ports = tuple(dict.fromkeys(port for some in wanted for port in some))
-        key = ports, threads(), *(blob.shape for blob in self._blobs.values())
+        key = ports, threads(), _registered.get('Crop'), *(blob.shape for blob in self._blobs.values())
         with named(*self._names):
             if key not in self._runs:
                 while len(self._runs) >= _MAX_RUNS:
                     self._runs.popitem(last=False)
-                plan = net.truncated(list(ports)).plan({name: blob.shape for name, blob in self._blobs.items()}, threads=threads())
+                shapes = {name: blob.shape for name, blob in self._blobs.items()}
+                plan = self._cropping(net, shapes).truncated(list(ports)).plan(shapes, threads=threads())
                 if any(cost.name in self._missing for cost in plan.layers):
                     raise InputError(f'{self._problem}, or set them: net.getLayer(name).blobs = [...]')
                 self._runs[key] = plan.run()
@@ -223,6 +245,16 @@ class Net:
             self._last.forward(self._blobs)
             self._ticks = time.perf_counter_ns() - begin
         return [[self._output(port) for port in some] for some in wanted]
+
+    def _cropping(self, net, shapes):
+        """Returns the net with the offsets of a registered Crop."""
+        if 'Crop' not in _registered or not self._graph.crops:
+            return net
+        sizes = {cost.name: cost.inputs for cost in net.plan(shapes, keep_all=True).layers}
+        text = self._graph.with_offsets({name: _offset_of(_registered['Crop'], *sizes[name]) for name in self._graph.crops if name in sizes})
+        file = proto.parse_net(text, allow_unknown_fields=True)
+        file.set_weights(net.weights)
+        return engine.Net.load_from_memory(text, file.to_bytes(), allow_unknown=True, inputs=net.inputs)
 
     def _output(self, port):
         """Returns a copy. Detections are sorted as in OpenCV: by image, then by confidence; zeros fill keep_top_k rows per image."""
