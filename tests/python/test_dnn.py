@@ -192,7 +192,7 @@ class Nets(unittest.TestCase):
             dnn.registerLayer('Other', CropLayer)
 
     def test_settings(self):
-        dnn._net._has_warned = False
+        dnn._net._warn_of_gpu.cache_clear()
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter('always')
             for _ in range(2):

@@ -7,12 +7,22 @@ from ._images import blobFromImage, scalar
 from ._net import Net, readNet
 
 
+def _setter(name):
+    def set_value(self, *value, **named):
+        """Sets an argument of blobFromImage(), or calls the function of Net; returns the model."""
+        value, = (*value, *named.values())
+        getattr(self._net, name)(value) if hasattr(Net, name) else setattr(self, name, value)
+        return self
+
+    return set_value
+
+
 class Model:
     """A net and how images become its input. Model(net), or Model(model, config) with paths."""
 
     def __init__(self, network, config=''):
         self._net = network if isinstance(network, Net) else readNet(network, config)
-        shape = self._net.input_shape()
+        shape = self._net._shape()
         self._size = shape[:1:-1] if len(shape) == 4 else (0, 0)
         self._scale, self._mean, self._swap, self._crop = 1.0, (), False, False
         self._outputs = self._net.getUnconnectedOutLayersNames()
@@ -26,38 +36,15 @@ class Model:
         self._size = tuple(size[0] if len(size) == 1 else size)
         return self
 
-    def setInputScale(self, scale):
-        """Sets the factor of all channels, or one of each."""
-        self._scale = scale
-        return self
-
-    def setInputMean(self, mean):
-        self._mean = mean
-        return self
-
-    def setInputSwapRB(self, swapRB):
-        self._swap = swapRB
-        return self
-
-    def setInputCrop(self, crop):
-        self._crop = crop
-        return self
+    setInputScale, setInputMean, setInputSwapRB, setInputCrop = map(_setter, ('_scale', '_mean', '_swap', '_crop'))
 
     def setOutputNames(self, outNames):
         """Sets the layers that predict() returns; before: those of which no layer reads an output."""
         self._outputs = list(outNames)
         return self
 
-    def setPreferableBackend(self, backendId):
-        self._net.setPreferableBackend(backendId)
-        return self
-
-    def setPreferableTarget(self, targetId):
-        self._net.setPreferableTarget(targetId)
-        return self
-
-    def enableWinograd(self, useWinograd):
-        return self
+    setPreferableBackend, setPreferableTarget, enableWinograd = map(
+        _setter, ('setPreferableBackend', 'setPreferableTarget', 'enableWinograd'))
 
     def predict(self, frame, outs=None):
         """Returns the outputs for an image, as a tuple."""
@@ -75,7 +62,7 @@ class Model:
         return self._net.forward(self._outputs)
 
     def _reads_size(self):
-        return 'im_info' in self._net.input_names()
+        return 'im_info' in self._net._inputs
 
     def _only_output(self, frame):
         outputs = self.predict(frame)

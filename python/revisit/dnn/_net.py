@@ -1,5 +1,6 @@
 """Net and the functions that read one, as in cv2.dnn."""
 
+import functools
 import os
 import time
 import warnings
@@ -17,7 +18,6 @@ _MAX_RUNS = 4  # cached runs of other outputs or shapes; each has the memory of 
 _CPU_BACKENDS, _CPU_TARGETS = (0, 2, 3), (0, 10)  # default, OpenVINO, OpenCV; CPU, CPU_FP16
 _NO_SHAPE = 'gives no shape for the input'  # the engine's message; setInput() gives one
 _INPUT = '__NetInputLayer__'  # type of layer 0
-_has_warned = False
 
 
 _registered = {}  # type of layer -> class
@@ -41,11 +41,9 @@ def _offset_of(cls, shape, wanted):
     return y, x
 
 
-def _warn_once():
-    global _has_warned
-    if not _has_warned:
-        _has_warned = True
-        warnings.warn('revisit.dnn runs on the CPU: setPreferableBackend() and setPreferableTarget() do nothing', stacklevel=4)
+@functools.cache  # once
+def _warn_of_gpu():
+    warnings.warn('revisit.dnn runs on the CPU: setPreferableBackend() and setPreferableTarget() do nothing', stacklevel=3)
 
 
 class Layer:
@@ -69,7 +67,7 @@ class Layer:
 
     def outputNameToIndex(self, outputName):
         """Returns the number of an input, -1 for another name, for layer 0; else 0, because outputs of layers have no names."""
-        inputs = self._net.input_names()
+        inputs = self._net._inputs
         return 0 if self.type != _INPUT else inputs.index(outputName) if outputName in inputs else -1
 
 
@@ -147,8 +145,6 @@ class Net:
         """Returns True for Net()."""
         return self._graph is None or not self._graph.layers
 
-    # Inputs
-
     def setInput(self, blob, name='', scalefactor=1.0, mean=()):
         """Copies an input: (blob - mean) * scalefactor as float32, with the mean of up to 4 channels.
 
@@ -175,15 +171,9 @@ class Net:
             raise UsageError(f"no input '{name}'; expected one of {', '.join(self._inputs)}")
         return self._graph.inputs[self._inputs.index(name) if name else 0]
 
-    def input_names(self):
-        """Returns the names of the inputs, in the order of the prototxt. cv2.dnn has no such function."""
-        self._check_not_empty()
-        return tuple(self._inputs)
-
-    def input_shape(self):
-        """Returns the first input's shape in the prototxt; () if it has none. cv2.dnn has no such function."""
-        self._check_not_empty()
-        return () if self._net is None else tuple(self._net.inputs[self._graph.inputs[0]])
+    def _shape(self):
+        """Returns the first input's shape in the prototxt; () if it has none."""
+        return tuple(self._load().inputs[self._graph.inputs[0]]) if self._net else ()
 
     def setInputsNames(self, inputBlobNames):
         """Renames the inputs, in the order of the prototxt."""
@@ -196,8 +186,6 @@ class Net:
         """Sets the shape of an input that has none in the prototxt. setInput() needs no call of this."""
         self._check_not_empty()
         self._shapes[self._input(inputName)] = tuple(int(n) for n in shape)
-
-    # Passes
 
     def forward(self, outputName='', outputBlobs=None, *, outBlobNames=None):
         """Runs the layers that the outputs need.
@@ -267,8 +255,6 @@ class Net:
             array[0, 0, : len(rows)] = rows[np.lexsort((-rows[:, 2], rows[:, 0]))]
         return array
 
-    # Layers
-
     def _node(self, which):
         """which: the name or number of a layer."""
         self._check_not_empty()
@@ -329,8 +315,6 @@ class Net:
         self._changed.setdefault(name, {})[numParam] = np.ascontiguousarray(blob.reshape(arrays[numParam].shape))
         self._missing.discard(name)
 
-    # Costs
-
     def _costs(self, layer_and_shapes):
         """Returns the input shapes, the layers meant (all, or the one of a number before the shapes), and the engine's costs by name."""
         if not layer_and_shapes or not len(layer_and_shapes[-1]):
@@ -363,17 +347,15 @@ class Net:
                 times[cost.name] = timing.median * 1e6
         return self._ticks, np.array([times[node.layer] for node in self._graph.layers])
 
-    # Settings of other backends
-
     def setPreferableBackend(self, backendId):
         """Warns once for a backend of GPUs, because nets run on the CPU."""
         if backendId not in _CPU_BACKENDS:
-            _warn_once()
+            _warn_of_gpu()
 
     def setPreferableTarget(self, targetId):
         """Warns once for a GPU, because nets run on the CPU."""
         if targetId not in _CPU_TARGETS:
-            _warn_once()
+            _warn_of_gpu()
 
     def enableFusion(self, fusion):
         """Does nothing: layers are fused wherever no output is asked for."""
