@@ -69,6 +69,48 @@ TEST(NetCompare, LayersThatDoNotRunHaveNoVerdict) {
   EXPECT_FALSE(comparison.layers(1).has_change());
 }
 
+/// A net of one layer, with a pass of 2 ms as median.
+NetReport measured(double fastest_pass, double layer_ms, double peak_share, double memory_share) {
+  NetReport report;
+  report.mutable_total_ms()->set_min(fastest_pass);
+  report.mutable_total_ms()->set_median(2);
+  reports::NetLayer& layer = *report.add_layers();
+  layer.set_name("conv1");
+  layer.mutable_ms()->set_median(layer_ms);
+  layer.set_peak_share(peak_share);
+  layer.set_memory_share(memory_share);
+  layer.set_best_ms(layer_ms * std::max(peak_share, memory_share));
+  report.mutable_limits()->add_bandwidths();
+  report.set_best_ms(layer.best_ms());
+  clear_limits_if_busy(&report);
+  return report;
+}
+
+TEST(NetProfile, HasNoLimitsIfItsFiguresProveABusyMachine) {
+  struct Case {
+    double fastest_pass, layer_ms, peak_share, memory_share;
+    const char* busy;
+  };
+  for (const Case& c :
+       {Case{1.9, 1.5, 0.9, 0.3, ""}, Case{1.4, 1.5, 1.05, 0.3, ""},
+        Case{1.9, 0.002, 3, 0.3, ""},  // too short to prove anything
+        Case{1.2, 1.5, 0.9, 0.3, "the median pass took 2.000 ms, the fastest 1.200 ms"},
+        Case{1.9, 1.5, 1.2, 0.3, "layer 'conv1' took 1.500 ms, less than the 1.800 ms that"},
+        Case{1.9, 1.5, 0.2, 1.4, "layer 'conv1' took 1.500 ms, less than the 2.100 ms that"}}) {
+    const NetReport report = measured(c.fastest_pass, c.layer_ms, c.peak_share, c.memory_share);
+    EXPECT_HAS(report.busy(), c.busy);
+    EXPECT_EQ(report.has_busy(), *c.busy != '\0');
+    for (const bool has :
+         {report.has_limits(), report.has_best_ms(), report.layers(0).has_peak_share(),
+          report.layers(0).has_memory_share(), report.layers(0).has_best_ms()})
+      EXPECT_EQ(has, !report.has_busy()) << c.busy;
+    testing::internal::CaptureStdout();
+    print_net_report(report, "table");
+    const std::string table = testing::internal::GetCapturedStdout();
+    EXPECT_EQ(table.find("limits of 0 threads:") == std::string::npos, report.has_busy()) << table;
+  }
+}
+
 TEST(NetCompare, RejectsProfilesOfOtherNets) {
   const TempDir dir;
   const auto write = [&](const NetReport& report) {
@@ -76,6 +118,10 @@ TEST(NetCompare, RejectsProfilesOfOtherNets) {
     return dir / "old.json";
   };
   EXPECT_EQ(read_profile(write(profile_of(1, 1))).layers_size(), kLayers);
+  NetReport busy = profile_of(1, 1);
+  busy.mutable_total_ms()->set_min(busy.total_ms().median() / 2);
+  clear_limits_if_busy(&busy);
+  EXPECT_EQ(read_profile(write(busy)).busy(), busy.busy());
   expect_error<InputError>([&] { read_profile(write({})); }, {"old.json", "--format json"});
   expect_error<InputError>([&] { read_profile(write(profile_of(1, 1, 7))); },
                            {"7 passes", "at least 8"});

@@ -272,13 +272,15 @@ TEST_F(NetCommand, ProfilePrintsLayersAndTheWhole) {
 TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndABaseline) {
   const std::string profile = "net profile " + path("wide.prototxt");
   const reports::NetReport report = report_of(profile);
-  EXPECT_GT(report.limits().float32_gflops(), 1);
-  EXPECT_EQ(report.limits().threads(), 1);
   const reports::NetLayer &convolution = report.layers(1), &pooling = report.layers(2);
   EXPECT_LE(convolution.multiplications(), convolution.macs());
-  for (const double share : {convolution.peak_share(), pooling.memory_share()}) {
-    EXPECT_GT(share, 0);
-    EXPECT_LT(share, 2) << "of limits that were measured beside other tests";
+  if (!report.has_busy()) {  // beside other tests
+    EXPECT_GT(report.limits().float32_gflops(), 1);
+    EXPECT_EQ(report.limits().threads(), 1);
+    for (const double share : {convolution.peak_share(), pooling.memory_share()}) {
+      EXPECT_GT(share, 0);
+      EXPECT_LT(share, 2) << "beside other tests";
+    }
   }
   EXPECT_FALSE(pooling.has_peak_share());
   EXPECT_LE(convolution.ms().low(), convolution.ms().median());

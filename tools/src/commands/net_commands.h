@@ -27,6 +27,10 @@ struct NetFindings {
 };
 reports::NetReport net_report(const NetFindings& findings);
 
+/// If the figures themselves prove that other programs ran on the machine: sets `busy` to them and
+/// clears the limits, which are not those of the machine then.
+void clear_limits_if_busy(reports::NetReport* report);
+
 /// `format`: "table", "json" or "csv".
 void print_net_report(const reports::NetReport& report, const std::string& format);
 

@@ -71,19 +71,6 @@ std::vector<float> some_offsets(const engine::Net& net) {
   return offsets;
 }
 
-/// Warns of a share above 1, which means that the limits were measured too low.
-void warn_of_shares(const reports::NetReport& report) {
-  constexpr double kMost = 1.1, kMinMs = 0.01;
-  for (const reports::NetLayer& layer : report.layers())
-    if (layer.ms().median() > kMinMs &&
-        std::max(layer.peak_share(), layer.memory_share()) > kMost) {
-      warn("layer '" + layer.name() +
-           "' took less time than the limits of the machine allow: something else ran while they "
-           "were measured; profile again");
-      return;
-    }
-}
-
 double peak_resident_bytes() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -162,10 +149,11 @@ int run_profile(TimingOptions& o, const Options& options) {
   const profiling::SpeedLimits limits = profiling::measure_speed_limits(o.net.threads);
   reports::NetReport report =
       net_report({o.net, weights, loaded, plan, false, &profile, &limits, peak_resident});
+  clear_limits_if_busy(&report);
   if (before && report.passes() >= profiling::kMinSamplesForInterval)
     *report.mutable_baseline() = compare_profiles(*o.baseline, *before, report);
   print(report, o.format, options.arguments());
-  warn_of_shares(report);
+  if (report.has_busy()) warn("the machine is busy: " + report.busy() + "; profile again");
   return interrupted() ? kInterrupted : kOk;
 }
 
@@ -174,8 +162,8 @@ int run_profile(TimingOptions& o, const Options& options) {
 reports::NetReport read_profile(const fs::path& file) {
   reports::NetReport report;
   read_report(file, &report);
-  if (!report.has_total_ms() || !report.has_limits() || !report.total_ms().has_low() ||
-      report.limits().bandwidths().empty())
+  if (!report.has_total_ms() || !report.total_ms().has_low() ||
+      (report.limits().bandwidths().empty() && !report.has_busy()))
     throw InputError(file.string() +
                      ": not what this version of `revisit net profile --format json` writes");
   if (report.passes() < profiling::kMinSamplesForInterval)

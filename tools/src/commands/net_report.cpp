@@ -166,6 +166,7 @@ void print_comparison(const reports::NetReport& report) {
   setting("precision", against.precision(), report.precision());
   setting("kernels", against.simd(), report.simd());
   const auto limits = [](const reports::SpeedLimits& of) {
+    if (of.bandwidths().empty()) return std::string("unknown (busy)");
     return str(number(of.float32_gflops(), 1), " GFLOP/s, memory ",
                number(of.bandwidths(of.bandwidths_size() - 1).read(), 1), " GB/s");
   };
@@ -202,7 +203,7 @@ void print_summary(const reports::NetReport& report) {
   std::cout << report.passes() << " passes, " << plural(report.threads(), "thread") << ", "
             << number(report.gflops(), 1) << " GFLOP/s, peak resident memory "
             << mebi(report.peak_resident_bytes()) << " MiB\n";
-  print_limits(report);
+  if (report.has_limits()) print_limits(report);
 }
 
 void print_buffers(const reports::NetReport& report) {
@@ -331,6 +332,31 @@ reports::NetReport net_report(const NetFindings& findings) {
   }
   if (with_buffers) add_buffers(plan, &report);
   return report;
+}
+
+void clear_limits_if_busy(reports::NetReport* report) {
+  constexpr double kMaxShare = 1.1, kMinMs = 0.01;            // of layers
+  constexpr double kMaxRatio = 1.5, kMinDifferenceMs = 0.05;  // of passes
+  const double median = report->total_ms().median(), least = report->total_ms().min();
+  if (median > kMaxRatio * least && median - least > kMinDifferenceMs)
+    report->set_busy(str("the median pass took ", number(median, 3), " ms, the fastest ",
+                         number(least, 3), " ms"));
+  for (const reports::NetLayer& layer : report->layers())
+    if (const double share = std::max(layer.peak_share(), layer.memory_share());
+        share > kMaxShare && layer.ms().median() > kMinMs) {
+      report->set_busy(str("layer '", layer.name(), "' took ", number(layer.ms().median(), 3),
+                           " ms, less than the ", number(layer.best_ms(), 3),
+                           " ms that the measured limits of the machine allow"));
+      break;
+    }
+  if (!report->has_busy()) return;
+  report->clear_limits();
+  report->clear_best_ms();
+  for (reports::NetLayer& layer : *report->mutable_layers()) {
+    layer.clear_peak_share();
+    layer.clear_memory_share();
+    layer.clear_best_ms();
+  }
 }
 
 void print_net_report(const reports::NetReport& report, const std::string& format) {

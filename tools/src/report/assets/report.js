@@ -442,38 +442,41 @@
 
   function profileSection(profile, index) {
     const layers = list(profile.layers).filter(layer => layer.ms && layer.ms.median), limits = profile.limits, name = profile.net || profile.prototxt;
-    const bandwidths = list(limits.bandwidths), memory = bandwidths[bandwidths.length - 1], changes = new Map();
-    if (profile.against) list(profile.against.layers).forEach((change, i) => changes.set(profile.layers[i], change));
-    const share = value => Number.isFinite(value) ? number(100 * value, 1) : "", gain = layer => Math.max(0, layer.ms.median - (layer.best_ms || 0));
+    const bandwidths = list(limits && limits.bandwidths), memory = bandwidths[bandwidths.length - 1], changes = new Map();
+    if (profile.baseline) list(profile.baseline.layers).forEach((change, i) => changes.set(profile.layers[i], change));
+    const share = value => Number.isFinite(value) ? number(100 * value, 1) : "", gain = layer => layer.best_ms === undefined ? undefined : Math.max(0, layer.ms.median - layer.best_ms);
     const multiplies = layer => (layer.peak_share || 0) > (layer.memory_share || 0), bytes = layer => (layer.read_bytes || 0) + (layer.written_bytes || 0);
-    const label = layer => [`${layer.name}: ${layer.kernel}`, `${number(layer.ms.median)} ms, at best ${number(layer.best_ms || 0)} ms`,
-      ...(layer.peak_share === undefined ? [] : [`${share(layer.peak_share)} % of the peak`]), `${share(layer.memory_share)} % of the bandwidth`];
+    const label = layer => [`${layer.name}: ${layer.kernel}`, `${number(layer.ms.median)} ms` + (layer.best_ms === undefined ? "" : `, at best ${number(layer.best_ms)} ms`),
+      ...(layer.peak_share === undefined ? [] : [`${share(layer.peak_share)} % of the peak`]), ...(layer.memory_share === undefined ? [] : [`${share(layer.memory_share)} % of the bandwidth`])];
     const bar = (text, color, value) => ({ label: text, data: layers.map(value), borderColor: color, backgroundColor: color + "cc" });
-    const bars = plot(`layers, ${name}`, { type: "bar", data: { labels: layers.map(layer => layer.name), datasets: [
+    const bars = plot(`layers, ${name}`, { type: "bar", data: { labels: layers.map(layer => layer.name), datasets: !limits ? [bar("median", kPath, layer => layer.ms.median)] : [
       bar("at best, by the peak", kColors[0], layer => multiplies(layer) ? layer.best_ms : 0), bar("at best, by the bandwidth", kColors[4], layer => multiplies(layer) ? 0 : layer.best_ms || 0),
       bar("beyond the limits", kPath, gain)] }, options: { indexAxis: "y", parsing: true, normalized: false,
       scales: { x: axis("median [ms]", { min: 0, stacked: true }), y: { type: "category", stacked: true, ticks: { autoSkip: false, font: { size: 11 } } } },
       plugins: { tooltip: { callbacks: { title: () => "", label: item => label(layers[item.dataIndex]) } } } } }, Math.max(.4, Math.min(4, 1200 / (60 + 20 * layers.length))));
     // Both axes are logarithmic, because a bandwidth is then a straight line.
-    const multiplying = layers.filter(layer => layer.multiplications), point = layer => ({ x: 2 * layer.multiplications / bytes(layer), y: 2 * layer.multiplications / layer.ms.median / 1e6, layer });
-    const xs = multiplying.map(layer => point(layer).x), low = Math.min(1, ...xs) / 2, high = Math.max(100, ...xs) * 2, peak = Math.max(limits.float32_gflops, profile.precision === "bf16" ? limits.bf16_gflops || 0 : 0);
-    const roof = (text, color, points, dash) => ({ label: text, data: points, showLine: true, borderColor: color, borderWidth: 1.6, borderDash: dash, pointRadius: 0, pointHitRadius: 0 });
-    const slope = (text, rate, color) => roof(`${text}, ${number(rate, 1)} GB/s`, color, [{ x: low, y: low * rate }, { x: Math.min(high, peak / rate), y: Math.min(high * rate, peak) }]);
-    const level = (text, gflops, dash) => roof(`${text}, ${number(gflops, 1)} GFLOP/s`, kColors[0], [{ x: low, y: gflops }, { x: high, y: gflops }], dash);
-    const nearest = bandwidths.reduce((most, bandwidth) => Math.max(most, bandwidth.read, bandwidth.copied), 0);
-    const roofs = [level("float32", limits.float32_gflops), ...(profile.precision === "bf16" && limits.bf16_gflops ? [level("bfloat16", limits.bf16_gflops, [6, 3])] : []),
-      slope("memory", memory.read, kColors[4]), slope("nearest cache", nearest, kColors[2])];
-    const roofline = multiplying.length ? plot(`roofline, ${name}`, { type: "scatter", data: { datasets: [{ ...dots("layers", multiplying.map(point), kColors[1], 4), pointHitRadius: 8 }, ...roofs] }, options: {
-      scales: { x: axis("operations for each byte moved", { type: "logarithmic", min: low, max: high }), y: axis("GFLOP/s multiplied", { type: "logarithmic" }) },
-      plugins: { tooltip: { filter: item => item.raw.layer, callbacks: { label: item => label(item.raw.layer) } } } } }, 1.35) : el("p", { class: "soft" }, "No layer multiplies.");
+    function roofline() {
+      const multiplying = layers.filter(layer => layer.multiplications), point = layer => ({ x: 2 * layer.multiplications / bytes(layer), y: 2 * layer.multiplications / layer.ms.median / 1e6, layer });
+      const xs = multiplying.map(layer => point(layer).x), low = Math.min(1, ...xs) / 2, high = Math.max(100, ...xs) * 2, peak = Math.max(limits.float32_gflops, profile.precision === "bf16" ? limits.bf16_gflops || 0 : 0);
+      const roof = (text, color, points, dash) => ({ label: text, data: points, showLine: true, borderColor: color, borderWidth: 1.6, borderDash: dash, pointRadius: 0, pointHitRadius: 0 });
+      const slope = (text, rate, color) => roof(`${text}, ${number(rate, 1)} GB/s`, color, [{ x: low, y: low * rate }, { x: Math.min(high, peak / rate), y: Math.min(high * rate, peak) }]);
+      const level = (text, gflops, dash) => roof(`${text}, ${number(gflops, 1)} GFLOP/s`, kColors[0], [{ x: low, y: gflops }, { x: high, y: gflops }], dash);
+      const nearest = bandwidths.reduce((most, bandwidth) => Math.max(most, bandwidth.read, bandwidth.copied), 0);
+      const roofs = [level("float32", limits.float32_gflops), ...(profile.precision === "bf16" && limits.bf16_gflops ? [level("bfloat16", limits.bf16_gflops, [6, 3])] : []),
+        slope("memory", memory.read, kColors[4]), slope("nearest cache", nearest, kColors[2])];
+      return multiplying.length ? plot(`roofline, ${name}`, { type: "scatter", data: { datasets: [{ ...dots("layers", multiplying.map(point), kColors[1], 4), pointHitRadius: 8 }, ...roofs] }, options: {
+        scales: { x: axis("operations for each byte moved", { type: "logarithmic", min: low, max: high }), y: axis("GFLOP/s multiplied", { type: "logarithmic" }) },
+        plugins: { tooltip: { filter: item => item.raw.layer, callbacks: { label: item => label(item.raw.layer) } } } } }, 1.35) : el("p", { class: "soft" }, "No layer multiplies.");
+    }
     const verdict = change => el("span", { class: change.verdict === "faster" ? "good" : change.verdict === "slower" ? "bad" : "soft" },
       Number.isFinite(change.change ?? 0) && change.low !== undefined ? `${change.verdict}: ${share(change.change || 0)} [${share(change.low)}, ${share(change.high)}] %` : change.verdict || "");
-    const against = profile.against;
+    const against = profile.baseline;
     return el("section", { id: `profile${index + 1}` }, el("h2", {}, `Layers of ${name}`),
       el("p", {}, `The whole takes ${number(profile.total_ms.median, 3)} ms (median of ${profile.passes} passes, ${number(profile.total_ms.low, 3)} to ${number(profile.total_ms.high, 3)} with 99 % confidence) on ${profile.threads} thread${profile.threads === 1 ? "" : "s"}, kernels: ${profile.simd}. ` +
-        `At the limits of the machine the layers would take ${number(profile.best_ms || 0, 3)} ms, ${share((profile.best_ms || 0) / profile.layer_sum_ms.median)} % of their sum.`),
+        (limits ? `At the limits of the machine the layers would take ${number(profile.best_ms || 0, 3)} ms, ${share((profile.best_ms || 0) / profile.layer_sum_ms.median)} % of their sum.`
+          : `The machine was busy: ${profile.busy}. Its limits are unknown.`)),
       against ? el("p", {}, `Against ${against.file} (${number(against.whole.before_ms, 3)} ms): `, verdict(against.whole)) : null,
-      el("div", { class: "card" }, bars), el("div", { class: "card map" }, roofline),
+      el("div", { class: "card" }, bars), limits ? el("div", { class: "card map" }, roofline()) : null,
       table([["layer"], ["type"], ["kernel"], ["output"], ["MMACs", "n"], ["multiplied", "n"], ["MiB moved", "n"], ["median ms", "n"], ["from", "n"], ["to", "n"], ["GFLOP/s", "n"], ["peak %", "n"], ["memory %", "n"], ["gain ms", "n"],
         ...(against ? [["before ms", "n"], ["verdict"]] : [])],
         layers.map(layer => [layer.name, layer.type, layer.kernel, list(layer.output_shape).join("x"), number((layer.macs || 0) / 1e6, 1), layer.macs ? `${share((layer.multiplications || 0) / layer.macs)} %` : "",
