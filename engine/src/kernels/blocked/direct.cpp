@@ -81,6 +81,12 @@ class Direct {
       const int64_t at = block * step + column * kLanes;
       epilogues[block].finish(sums, addend ? addend + at : nullptr, output + at);
     }
+    template <int kBlocks, int kColumns>
+    HWY_INLINE void prefetch(int64_t block, int64_t column) const {
+      for (int b = 0; b < kBlocks; ++b)
+        for (int c = 0; c < kColumns; ++c)
+          hwy::Prefetch(output + (block + b) * step + (column + c) * kLanes);
+    }
   };
 
   /// Columns of a panel: [depth][pixel][kLanes], `step` numbers between blocks of the depth. For
@@ -154,8 +160,10 @@ class Direct {
                           blocks, width, tiles, finish);
       else
         HWY_NAMESPACE::multiply(
-            Factors<T>{shape_.depth(), columns.data, columns.step, weights(block), shape_.weights(),
-                       prefetched(block, slice, piece.end_panel - 1 - panel)},
+            Factors<T>{
+                shape_.depth(), columns.data, columns.step, weights(block), shape_.weights(),
+                prefetched(block, slice, piece.end_panel - 1 - panel),
+                columns.data + (reads_input_ ? width * kLanes : shape_.depth() * columns.step)},
             blocks, width, finish);
     }
   }

@@ -97,6 +97,7 @@ struct Factors {
   const T* weights;      // [output block][in_blocks * kLanes / kStep][kLanes][kStep]
   int64_t weights_step;  // stride of output blocks
   const T* prefetched;   // to prefetch, as much as one output block's weights
+  const T* next;         // to prefetch: the inputs after those of the last block
 };
 
 struct StoreProducts {
@@ -109,9 +110,12 @@ struct StoreProducts {
     for (int i = 0; i < kCount; ++i)
       store_block(sums[i], to + block * step + (column + i) * kLanes);
   }
+  template <int kBlocks, int kColumns>
+  HWY_INLINE void prefetch(int64_t, int64_t) const {}
 };
 
 /// Calls `sink(output block, first column, sums)` block by block. The sink may modify the sums.
+/// Before, it calls `sink.prefetch(output block, column)`.
 template <int kBlocks, int kColumns, class T, class Sink>
 void multiply_tile(const Factors<T>& f, int64_t first_block, int64_t first_column,
                    const Sink& sink) {
@@ -126,10 +130,14 @@ void multiply_tile(const Factors<T>& f, int64_t first_block, int64_t first_colum
   const T* HWY_RESTRICT inputs = f.inputs;
   const T* prefetched = f.prefetched;
   for (int64_t block = 0; block < f.in_blocks; ++block, inputs += f.inputs_step) {
+    const bool last = block + 1 == f.in_blocks;
+    const T* const next = last ? f.next + first_column * kLanes : inputs + f.inputs_step;
+    if (last) sink.template prefetch<kBlocks, kColumns>(first_block, first_column);
     for (int64_t channel = 0; channel < kLanes;
          channel += kStep<T>, weights += kWeights, prefetched += kWeights) {
       hwy::Prefetch(prefetched);
-      hwy::Prefetch(inputs + f.inputs_step + std::min<int64_t>(channel, kColumns - 1) * kLanes);
+      const int64_t column = std::min<int64_t>(channel, kColumns - 1);
+      hwy::Prefetch(next + column * kLanes);
       Block w[kBlocks];
       REVISIT_UNROLL
       for (int b = 0; b < kBlocks; ++b) w[b] = load_weights(weights + b * f.weights_step);

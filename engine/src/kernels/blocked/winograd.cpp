@@ -254,7 +254,8 @@ class Winograd {
     const int64_t offset = point * panel.width * kLanes, block_floats = panel.block_floats;
     HWY_NAMESPACE::multiply(
         Factors<float>{shape_.in_blocks_per_group(), panel.inputs + offset, block_floats, here,
-                       kPoints * weights_floats(), prefetched},
+                       kPoints * weights_floats(), prefetched,
+                       panel.inputs + products.point(next) * panel.width * kLanes},
         products.count(step), panel.width,
         StoreProducts{panel.products + begin * block_floats + offset, block_floats});
   }
