@@ -6,6 +6,7 @@
 #include "layers/layers.h"
 #include "net_impl.h"
 #include "plan_impl.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/net_file.h"
 #include "schedule.h"
 
@@ -70,8 +71,18 @@ void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
 void check_end(const proto::NetFile& file, const std::vector<std::string>& layers,
                const std::string& end) {
   const auto found = file.skipped.find(end);
-  if (found != file.skipped.end() && std::ranges::find(layers, end) == layers.end())
+  if (!end.empty() && found != file.skipped.end() && std::ranges::find(layers, end) == layers.end())
     throw UsageError("end: the layer '", end, "' is not part of the net: ", found->second);
+}
+
+/// Warns of a net without outputs, because Silence layers read them all.
+void warn_of_silence(const proto::Graph& whole, Net::Impl& net) {
+  std::vector<std::string> blobs;
+  for (const proto::Node& node : whole.nodes)
+    for (const ValueId id : node.type == "Silence" ? node.inputs : std::vector<ValueId>())
+      if (id >= 0) blobs.push_back(whole.values[id].blob);
+  net.warnings.push_back(str(net.file, ": the net has no output, because Silence layers read '",
+                             joined(blobs, "', '"), "'; end names the blob to output"));
 }
 
 /// Adds the parameters of the layers of a file to the nodes of its graph.
@@ -104,7 +115,10 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     check_end(file, net->layer_names, options.end);
     net->sharing = find_sharing(file.net);
     net->own_shared = find_own_shared(file.net);
-    proto::Graph graph = proto::prune(proto::resolve(file.net), options.end, options.graft);
+    proto::Graph whole = proto::resolve(file.net);
+    whole.dropped = std::move(file.dropped);
+    proto::Graph graph = proto::prune(whole, options.end, options.graft);
+    if (graph.outputs.empty()) warn_of_silence(whole, *net);
     for (const std::string& warning : graph.warnings)
       net->warnings.push_back(str(net->file, ": ", warning));
     net->graph = attach(file.net, std::move(graph));

@@ -14,11 +14,11 @@
 namespace revisit::engine {
 namespace {
 
-/// Caffe's rule (docs/LAYERS.md point 8): legacy shapes compare right-aligned with the last 4 axes.
+/// Caffe's rule (docs/LAYERS.md point 8): legacy shapes compare right-aligned.
 bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   if (!blob.legacy_shape) return blob.shape == wanted.axes();
-  if (wanted.rank() > 4) return false;
-  std::vector<int64_t> padded(4 - wanted.rank(), 1);
+  if (wanted.rank() > blob.shape.size()) return false;
+  std::vector<int64_t> padded(blob.shape.size() - wanted.rank(), 1);
   padded.insert(padded.end(), wanted.axes().begin(), wanted.axes().end());
   return blob.shape == padded;
 }
@@ -101,27 +101,27 @@ class Loader {
   }
 
   /// Throws InputError if required weights are missing; returns warnings.
-  std::vector<std::string> finish(bool allow_missing) {
+  std::vector<std::string> finish(const LoadOptions& options) {
+    const bool allow_missing = options.allow_missing;
     std::vector<std::string> missing, warnings;
     for (size_t i = 0; i < net_.graph.nodes.size(); ++i) {
-      std::vector<Tensor>& weights = weights_[i];
-      for (size_t b = 0; b < weights.size(); ++b) {
+      for (size_t b = 0; b < weights_[i].size(); ++b) {
         if (filled_.count({i, b})) continue;
         const Node& node = net_.graph.nodes[i];
         const std::string name = node.is_first_of_name
                                      ? node.name
                                      : node.name + " (another layer of this name has them)";
         if (missing.empty() || missing.back() != name) missing.push_back(name);
-        if (allow_missing)
-          weights[b].values.assign(static_cast<size_t>(weights[b].shape.elements()), 0.0F);
+        if (allow_missing) initialize({i, b}, options.fill_seed);
       }
     }
     if (!missing.empty() && !allow_missing)
       throw InputError(path_, ": no weights for the layers ", first_of(missing), " of ", net_.file,
                        unused_.empty() ? "" : str("; the file has weights for ", first_of(unused_)),
-                       " (allow missing makes them zero)");
+                       " (allow missing fills them as Caffe would before training)");
     if (!missing.empty())
-      warnings.push_back(str("layers without weights, set to zero: ", first_of(missing)));
+      warnings.push_back(str("layers without weights, filled by their fillers as before training: ",
+                             first_of(missing)));
     if (!unused_.empty())
       warnings.push_back(str(path_, ": weights that no layer uses: ", first_of(unused_)));
     return warnings;
@@ -165,6 +165,19 @@ class Loader {
     }
   }
 
+  void initialize(const Place& place, uint64_t seed) {
+    const Node& node = net_.graph.nodes[place.node];
+    const std::string group = parameter_of(node, place.blob);
+    std::vector<float> values;
+    try {
+      values = initial_weights(node.param, place.blob, weights_[place.node][place.blob].shape,
+                               mixed_bits(seed + static_cast<uint64_t>(node.index)));
+    } catch (const InputError& error) {
+      throw InputError(place_text(net_.file, place.node), ": ", error);
+    }
+    fill(group, place, node.name, place.blob, std::move(values));
+  }
+
   void check(const std::string& file, size_t node, const std::vector<proto::Blob>& blobs) const {
     const std::vector<Tensor>& weights = weights_[node];
     // A file can lack trailing blobs that it stores under another layer, which shares them.
@@ -174,7 +187,12 @@ class Loader {
       --n_expected;
     if (blobs.size() != n_expected)
       throw InputError(place_text(file, node), ": expected ", weights.size(), " blobs, found ",
-                       blobs.size(), "; these weights belong to another network");
+                       blobs.size(), "; ",
+                       weights.size() == 3 && blobs.size() == 5 &&
+                               net_.graph.nodes[node].param.type() == "BatchNorm"
+                           ? "with scale and bias, as in NVIDIA's fork, it needs batch_norm_param "
+                             "{ scale_bias: true }"
+                           : "these weights belong to another network");
     for (size_t b = 0; b < blobs.size(); ++b)
       if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
         throw InputError(place_text(file, node), " blob ", b, ": expected shape ", weights[b].shape,
@@ -206,58 +224,6 @@ class Loader {
   std::set<Place> filled_;
   std::vector<std::string> unused_;
 };
-
-/// Returns whether values of a weight blob must be around 1: variances of BatchNorm (blob 1; blob 2
-/// divides both sums), factors of Scale and Normalize, factors and variances of BN.
-bool is_around_one(const std::string& type, size_t blob) {
-  return (type == "BatchNorm" && blob > 0) || (type == "BN" && (blob == 0 || blob == 3)) ||
-         ((type == "Scale" || type == "Normalize") && blob == 0);
-}
-
-/// Random numbers of one blob: number i does not depend on earlier calls.
-class WeightNumbers {
- public:
-  WeightNumbers(uint64_t seed, uint64_t layer, uint64_t blob)
-      : key_(mixed_bits(mixed_bits(seed + kSplitmixStep) + layer * kSplitmixStep + blob)) {}
-
-  /// Gaussian of variance 1 (mean 12 * (2^32 - 1) / 2, units of 2^32); exact in double.
-  double gaussian(uint64_t i) const {
-    int64_t sum = 0;
-    for (uint64_t j = 0; j < 6; ++j) {
-      const uint64_t bits = word(6 * i + j);
-      sum += static_cast<int64_t>(bits >> 32) + static_cast<int64_t>(bits & 0xFFFFFFFF);
-    }
-    constexpr int64_t kMean = 6 * ((int64_t{1} << 32) - 1);
-    return std::ldexp(static_cast<double>(sum - kMean), -32);
-  }
-
-  /// Uniform in [-1, 1); exact in double.
-  double uniform(uint64_t i) const {
-    return std::ldexp(static_cast<double>(word(i) >> 12), -51) - 1;
-  }
-
- private:
-  uint64_t word(uint64_t i) const { return mixed_bits(key_ + (i + 1) * kSplitmixStep); }
-
-  uint64_t key_;
-};
-
-void fill_blob(const std::string& type, size_t blob, const WeightNumbers& numbers, Tensor& weight) {
-  weight.values.resize(weight.shape.elements());
-  const size_t rank = weight.shape.rank();
-  const bool is_summed = rank > 1 && type != "BN";
-  const double fan_in = is_summed ? static_cast<double>(weight.shape.product(1, rank)) : 1;
-  const double sigma = std::sqrt(2 / fan_in);
-  const bool around_one = is_around_one(type, blob);
-  uint64_t i = 0;
-  for (float& value : weight.values) {
-    const double number = is_summed    ? sigma * numbers.gaussian(i)
-                          : around_one ? 1 + 0.1 * numbers.uniform(i)
-                                       : 0.01 * numbers.uniform(i);
-    value = static_cast<float>(number);
-    ++i;
-  }
-}
 
 }  // namespace
 
@@ -324,38 +290,34 @@ void check_sharing(const Net::Impl& net) {
   }
 }
 
+/// Warns of a BatchNorm whose mean Caffe would ignore.
+void warn_of_statistics(Net::Impl& net, const Node& node) {
+  const std::vector<Tensor>& weights = *node.weights;
+  if (node.param.type() != "BatchNorm" || weights.size() != 3) return;
+  const auto& mean = weights[0].values;
+  if (weights[2].values.at(0) != 0 || std::ranges::all_of(mean, [](float m) { return m == 0; }))
+    return;
+  net.warnings.push_back(str(
+      net.file, ": layer '", node.name, "' (BatchNorm): its correction (blob 2) is 0, although ",
+      "its mean is not: as in Caffe, it computes x / sqrt(eps); if NVIDIA's fork wrote the ",
+      "weights, write 1 into blob 2"));
+}
+
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options) {
   check_weight_bytes(net, options.limits.weight_bytes);
   Loader loader(net, std::move(weights));
   loader.take_own();
   loader.read_all();
-  const std::vector<std::string> warnings = loader.finish(options.allow_missing);
+  const std::vector<std::string> warnings = loader.finish(options);
   net.warnings.insert(net.warnings.end(), warnings.begin(), warnings.end());
   for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
     *net.graph.nodes[i].weights = loader.take(i);
     net.graph.nodes[i].param.clear_blobs();
+    warn_of_statistics(net, net.graph.nodes[i]);
   }
   net.own_shared.clear();
   net.weight_bytes_read = loader.bytes_read();
-  net.has_weights = true;
-}
-
-void fill_randomly(Net::Impl& net, uint64_t seed) {
-  std::map<std::string, const Tensor*> first_blob_of_group;
-  for (Node& node : net.graph.nodes) {
-    for (size_t blob = 0; blob < node.weights->size(); ++blob) {
-      Tensor& weight = (*node.weights)[blob];
-      if (const std::string group = parameter_of(node, blob); !group.empty()) {
-        const auto [first, is_new] = first_blob_of_group.try_emplace(group, &weight);
-        if (!is_new) {
-          weight.values = first->second->values;
-          continue;
-        }
-      }
-      fill_blob(node.param.type(), blob, {seed, static_cast<uint64_t>(node.index), blob}, weight);
-    }
-  }
   net.has_weights = true;
 }
 

@@ -88,6 +88,11 @@ void check_sharing(const Net::Impl& net);
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options);
 
+/// Values of weight blob `blob` of a layer before training, as Caffe's fillers define them; random
+/// ones differ from Caffe's. Throws InputError for an unknown filler.
+std::vector<float> initial_weights(const caffe::LayerParameter& layer, size_t blob,
+                                   const Shape& shape, uint64_t seed);
+
 /// Draws weights from Gaussians with mean 0 and variance 2 / (inputs per output) (He et al. 2015),
 /// so that values keep their size from layer to layer. Biases are uniform in [-0.01, 0.01), factors
 /// and variances in [0.9, 1.1).

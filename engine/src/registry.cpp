@@ -11,13 +11,17 @@ namespace {
 const std::vector<LayerEntry>& table() {
   static const std::vector<LayerEntry> kTable = [] {
     std::vector<LayerEntry> all;
-    for (const LayerEntries& of_file :
-         {kBatchNormLayers,          kBoxOutputLayers,    kConvolutionLayers, kDummyDataLayers,
-          kElementwiseLayers,        kInnerProductLayers, kJoinAndCutLayers,  kLabelsLayers,
-          kNormalizeLayers,          kPermuteLayers,      kPoolingLayers,     kProposalLayers,
-          kRecurrentLayers,          kReductionLayers,    kReshapeLayers,     kResizeLayers,
-          kRoiPoolingLayers,         kRowsLayers,         kScaleLayers,       kSsdLayers,
-          kYoloDetectionOutputLayers})
+    for (const LayerEntries& of_file : {kBatchNormLayers,   kBoxOutputLayers,
+                                        kConvolutionLayers, kDummyDataLayers,
+                                        kElementwiseLayers, kInnerProductLayers,
+                                        kJoinAndCutLayers,  kLabelsLayers,
+                                        kNormalizeLayers,   kPermuteLayers,
+                                        kPoolingLayers,     kProposalLayers,
+                                        kRecurrentLayers,   kReductionLayers,
+                                        kReshapeLayers,     kResizeLayers,
+                                        kRoiPoolingLayers,  kRowsLayers,
+                                        kScaleLayers,       kSequencesLayers,
+                                        kSsdLayers,         kYoloDetectionOutputLayers})
       all.insert(all.end(), of_file.begin(), of_file.end());
     return all;
   }();

@@ -143,19 +143,19 @@ class Offsets {
 
 }  // namespace
 
-void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
+void find_crop_offsets(caffe::NetParameter& net, AmbiguousCrops crops, const Blame& blame,
                        std::vector<std::string>& warnings) {
   constexpr int kMaxCrops = 100;  // bounds the cost: each crop traverses the net
-  const auto crops = std::ranges::count_if(net.layer(), [](const Layer& layer) {
+  const auto n_crops = std::ranges::count_if(net.layer(), [](const Layer& layer) {
     return layer.type() == kAligningCrop || layer.type() == "Crop";
   });
-  if (crops == 0) return;
-  if (crops > kMaxCrops) {
+  if (n_crops == 0) return;
+  if (n_crops > kMaxCrops) {
     for (Layer& layer : *net.mutable_layer()) {
       if (layer.type() != kAligningCrop) continue;
       layer.set_type("Crop");
       blame(layer,
-            str("its offset is not computed, because the net has ", crops, " crops (limit ",
+            str("its offset is not computed, because the net has ", n_crops, " crops (limit ",
                 kMaxCrops, "); give crop_param { axis: 2 offset: ... }"),
             -1);
     }
@@ -174,10 +174,16 @@ void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
       layer.mutable_crop_param()->add_offset(h);
       layer.mutable_crop_param()->add_offset(w);
     } else if (h + w > 0) {
-      warnings.push_back(str("layer '", layer.name(),
-                             "' (Crop): has no offset and starts at the first pixel, ",
-                             "as in Caffe; FCN's fork of 2014 would compute crop_param ",
-                             "{ offset: ", h, " offset: ", w, " }"));
+      const std::string offset = str("crop_param { axis: 2 offset: ", h, " offset: ", w, " }");
+      if (crops == AmbiguousCrops::kStartAtZero)
+        warnings.push_back(
+            str("layer '", layer.name(), "' (Crop): has no crop_param and starts at ",
+                "the first pixel, as in Caffe; forks of FCN and HED compute ", offset));
+      else
+        blame(layer,
+              str("has no crop_param: forks of FCN and HED compute the offset, Caffe starts at 0; ",
+                  "add ", offset, " for theirs, or crop_param { axis: 2 offset: 0 } for Caffe's"),
+              -1);
     }
   }
 }

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "revisit/base/error.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
@@ -110,18 +111,64 @@ void check_names(const Graph& whole, const Node& node) {
   for (const Node& before : whole.nodes)
     if (before.index < node.index)
       for (const ValueId id : before.outputs) known.push_back(whole.values[id].blob);
+  const auto dropped = whole.dropped.find(node.dangling);
   throw InputError("layer '", node.name, "': bottom '", node.dangling,
-                   "' is not written by an earlier layer", nearest_name_hint(node.dangling, known));
+                   "' is not written by an earlier layer",
+                   dropped == whole.dropped.end() ? nearest_name_hint(node.dangling, known)
+                                                  : "; " + dropped->second);
+}
+
+/// "'crop' (Crop), which writes 'upscore'".
+std::string description_of(const Graph& graph, const Node& node) {
+  std::string text = str("'", node.name, "' (", node.type, ")");
+  for (size_t i = 0; i < node.outputs.size(); ++i)
+    text += str(i == 0 ? ", which writes '" : ", '", graph.values[node.outputs[i]].blob, "'");
+  return text;
+}
+
+/// Returns null if no layer has the name. Throws UsageError if several have it.
+const Node* layer_named(const Graph& graph, const std::string& name, const char* option) {
+  std::vector<const Node*> found;
+  for (const Node& node : graph.nodes)
+    if (node.index >= 0 && node.name == name) found.push_back(&node);
+  if (found.size() > 1)
+    throw UsageError(option, ": ", found.size(), " layers have the name '", name, "': ",
+                     joined(found, "; ", [&](const Node* n) { return description_of(graph, *n); }),
+                     "; give the name of a blob, or rename the layers");
+  return found.empty() ? nullptr : found[0];
+}
+
+[[noreturn]] void throw_unknown(const Graph& graph, const std::string& name, const char* option) {
+  std::vector<std::string> others;
+  for (const Node& node : graph.nodes) {
+    others.push_back(node.name);
+    if (option != kGraft)
+      for (const ValueId id : node.outputs) others.push_back(graph.values[id].blob);
+  }
+  throw UsageError(option, ": the net '", graph.name, "' has no layer ",
+                   option == kGraft ? "" : "or blob ", "'", name, "'",
+                   nearest_name_hint(name, others));
 }
 
 const Node& find_layer(const Graph& graph, const std::string& name, const char* option) {
-  std::vector<std::string> others;
-  for (const Node& node : graph.nodes) {
-    if (node.name == name) return node;
-    others.push_back(node.name);
+  if (const Node* found = layer_named(graph, name, option)) return *found;
+  throw_unknown(graph, name, option);
+}
+
+using Outputs = std::vector<std::pair<std::string, ValueId>>;
+
+/// Outputs of the layer `end`, or else the last value of the blob of this name.
+Outputs outputs_of(const Graph& graph, const std::string& end) {
+  Outputs outputs;
+  if (const Node* last = layer_named(graph, end, kEnd)) {
+    if (last->outputs.empty()) throw UsageError(kEnd, ": layer '", end, "' has no output");
+    for (size_t i = 0; i < last->outputs.size(); ++i)
+      outputs.push_back({port_name(end, i), last->outputs[i]});
+    return outputs;
   }
-  throw UsageError(option, ": the net '", graph.name, "' has no layer '", name, "'",
-                   nearest_name_hint(name, others));
+  for (auto id = static_cast<ValueId>(graph.values.size()); id-- > 0;)
+    if (graph.values[id].blob == end) return {{end, id}};
+  throw_unknown(graph, end, kEnd);
 }
 
 /// Returns the value in `memory` that `node` modifies in place and the result, if any.
@@ -232,18 +279,12 @@ Graph prune(const Graph& whole, const std::string& end, const std::string& graft
   if (!graft.empty() && end.empty())
     throw UsageError(kGraft, " needs ", kEnd, ": the layer to graft onto");
   if (!end.empty()) {
-    const Node& last = find_layer(graph, end, kEnd);
-    if (last.outputs.empty()) throw UsageError(kEnd, ": layer '", end, "' has no output");
-    if (!graft.empty() && last.outputs.size() > 1)
-      throw UsageError(kGraft, ": the layer '", end, "' (", kEnd, ") has ", last.outputs.size(),
+    graph.outputs = outputs_of(graph, end);
+    if (!graft.empty() && graph.outputs.size() > 1)
+      throw UsageError(kGraft, ": the layer '", end, "' (", kEnd, ") has ", graph.outputs.size(),
                        " outputs; graft onto a layer with one");
-    if (graft.empty()) {
-      graph.outputs.clear();
-      for (size_t i = 0; i < last.outputs.size(); ++i)
-        graph.outputs.push_back({port_name(end, i), last.outputs[i]});
-    } else {
-      graph.outputs = {append_graft(graph, {end, graft}, last.outputs[0])};
-    }
+    if (!graft.empty())
+      graph.outputs = {append_graft(graph, {end, graft}, graph.outputs[0].second)};
   }
 
   std::vector<bool> needed(graph.values.size(), false);

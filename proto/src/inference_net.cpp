@@ -14,10 +14,14 @@ namespace {
 using Layer = caffe::LayerParameter;
 using Names = std::set<std::string_view>;
 
-// Caffe and the forks SSD, SegNet, DeepLab, RCF.
-const Names kDataTypes = {"Data",           "HDF5Data",     "ImageData",
-                          "MemoryData",     "WindowData",   "AnnotatedData",
-                          "DenseImageData", "ImageSegData", "ImageLabelmapData"};
+/// Returns whether a layer reads data: "Data", "HDF5Data", "ImageSegData", ... of Caffe and forks,
+/// and scripts without bottoms, unless the caller executes them.
+bool reads_data(const Layer& layer, bool keep_python) {
+  if (layer.bottom_size() > 0 || layer.top_size() == 0) return false;
+  if (layer.type() == "Python") return !keep_python;
+  return layer.type().find("Data") != std::string::npos && layer.type() != "DummyData";
+}
+
 // Caffe and the forks SSD, Fast R-CNN, DeepLab.
 const Names kTrainingTypes = {"Accuracy",
                               "ContrastiveLoss",
@@ -55,7 +59,9 @@ bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) 
 }
 
 /// Stages are those of the net and of `given`; phase and level are those of `given`, as in pycaffe.
-void keep_state(caffe::NetParameter& net, const NetReadOptions& given, const Blame& blame) {
+/// A data layer of another phase stays if its blobs have no other writer. `dropped`: see NetFile.
+void keep_state(caffe::NetParameter& net, const NetReadOptions& given, const Blame& blame,
+                std::vector<std::string>& warnings, std::map<std::string, std::string>& dropped) {
   for (Layer& layer : *net.mutable_layer())
     if (layer.include_size() > 0 && layer.exclude_size() > 0)
       blame(layer, "give include or exclude rules, not both", -1);
@@ -63,10 +69,33 @@ void keep_state(caffe::NetParameter& net, const NetReadOptions& given, const Bla
   state.set_phase(given.train ? caffe::TRAIN : caffe::TEST);
   state.set_level(given.level);
   for (const std::string& stage : given.stages) state.add_stage(stage);
+  std::set<std::string> written, read;
+  for (const Layer& layer : net.layer()) {
+    if (!included(state, layer)) continue;
+    written.insert(layer.top().begin(), layer.top().end());
+    read.insert(layer.bottom().begin(), layer.bottom().end());
+  }
+  const auto state_name = given.train ? "TRAIN" : "TEST";
+  const auto drops = [&](const Layer& layer) {
+    if (included(state, layer)) return false;
+    bool is_missed = false, is_first = true;
+    for (const std::string& top : layer.top()) {
+      if (written.contains(top)) is_first = false;
+      if (written.contains(top) || !read.contains(top)) continue;
+      is_missed = true;
+      dropped.emplace(top,
+                      str("layer '", layer.name(), "' (", layer.type(), ") writes it, but its ",
+                          "include and exclude rules drop it in phase ", state_name));
+    }
+    if (!is_missed || !is_first || !reads_data(layer, given.keep_python)) return true;
+    written.insert(layer.top().begin(), layer.top().end());
+    warnings.push_back(str("layer '", layer.name(), "' (", layer.type(), ") is kept, although its ",
+                           "rules drop it in phase ", state_name,
+                           ", because no other layer writes '", layer.top(0), "'"));
+    return false;
+  };
   auto& layers = *net.mutable_layer();
-  layers.erase(std::remove_if(layers.begin(), layers.end(),
-                              [&](const auto& layer) { return !included(state, layer); }),
-               layers.end());
+  layers.erase(std::remove_if(layers.begin(), layers.end(), drops), layers.end());
 }
 
 /// Returns {} if the file lacks the shape.
@@ -116,12 +145,9 @@ std::string preprocessing(const caffe::TransformationParameter& transform) {
 
 class Extraction {
  public:
-  Extraction(caffe::NetParameter& net, const std::set<std::string>& types_with_weights,
+  Extraction(caffe::NetParameter& net, const NetReadOptions& options,
              std::vector<std::string>& warnings)
-      : net_(net),
-        types_with_weights_(types_with_weights),
-        warnings_(warnings),
-        n_(net.layer_size()) {}
+      : net_(net), options_(options), warnings_(warnings), n_(net.layer_size()) {}
 
   std::map<std::string, std::string> run() {
     find_makers();
@@ -141,7 +167,7 @@ class Extraction {
   };
 
   const Layer& layer(int i) const { return net_.layer(i); }
-  bool is_data(int i) const { return kDataTypes.contains(layer(i).type()); }
+  bool is_data(int i) const { return reads_data(layer(i), options_.keep_python); }
 
   void find_makers() {
     const Graph graph = resolve(net_);
@@ -155,7 +181,7 @@ class Extraction {
         continue;
       }
       const int i = node.index;
-      learned_[i] = types_with_weights_.contains(node.type);
+      learned_[i] = options_.types_with_weights.contains(node.type);
       for (int b = 0; b < layer(i).bottom_size(); ++b) {
         const Maker maker = node.inputs[b] < 0 ? Maker{} : makers[node.inputs[b]];
         makers_[i].push_back(maker);
@@ -277,8 +303,15 @@ class Extraction {
   std::string set_shape(int i, int top, Layer& input) const {
     std::string reason;
     std::vector<int64_t> shape;
-    if (layer(i).type() != "HDF5Data") shape = image_shape(layer(i), reason);
-    if (top == 1 && !shape.empty()) {
+    const auto& given = layer(i).input_param().shape();
+    if (!given.empty()) {
+      const auto& dims = given[std::min(top, given.size() - 1)].dim();
+      shape.assign(dims.begin(), dims.end());
+      reason = "from its input_param";
+    } else if (layer(i).type() != "HDF5Data") {
+      shape = image_shape(layer(i), reason);
+    }
+    if (top == 1 && !shape.empty() && given.size() < 2) {
       shape = {shape[0]};
       reason = "one label per image";
     }
@@ -319,7 +352,7 @@ class Extraction {
   }
 
   caffe::NetParameter& net_;
-  const std::set<std::string>& types_with_weights_;
+  const NetReadOptions& options_;
   std::vector<std::string>& warnings_;
   const int n_;
   std::vector<std::vector<Maker>> makers_;           // [layer][bottom]
@@ -333,14 +366,13 @@ class Extraction {
 
 }  // namespace
 
-std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
-                                                  const NetReadOptions& options, const Blame& blame,
-                                                  std::vector<std::string>& warnings) {
-  keep_state(net, options, blame);
-  const bool reads_data = std::ranges::any_of(
-      net.layer(), [](const Layer& layer) { return kDataTypes.contains(layer.type()); });
-  if (!reads_data) return {};
-  return Extraction(net, options.types_with_weights, warnings).run();
+void keep_inference(NetFile& file, const NetReadOptions& options, const Blame& blame,
+                    std::vector<std::string>& warnings) {
+  caffe::NetParameter& net = file.net;
+  keep_state(net, options, blame, warnings, file.dropped);
+  const bool has_data = std::ranges::any_of(
+      net.layer(), [&](const Layer& layer) { return reads_data(layer, options.keep_python); });
+  if (has_data) file.skipped = Extraction(net, options, warnings).run();
 }
 
 }  // namespace revisit::proto

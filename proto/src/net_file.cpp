@@ -6,10 +6,13 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <optional>
 
+#include "downloads.h"
 #include "net_text.h"
+#include "read_binary.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
 #include "revisit/proto/weights_file.h"
@@ -29,6 +32,8 @@ std::string read_text(const fs::path& file, const Limits& limits) {
 
 void check_is_text(const std::string& text, const std::string& name, const Limits& limits) {
   const std::string_view head = std::string_view(text).substr(0, 4096);
+  if (const std::string wrong = wrong_download(head); !wrong.empty())
+    throw InputError(name, ": ", wrong, " (expected a prototxt)");
   const char* found = nullptr;
   if (text.empty())
     found = "is empty";
@@ -72,6 +77,8 @@ NetFile::Unread format_unread(const UnreadPart& part, const std::string& name, b
       (part.effect == kOnLoss && (layer < 0 || !is_supported_loss(net.layer(layer).type())));
   if (without_effect)
     return {layer, false, InputError(start, "; it has no effect on results and is ignored")};
+  if (part.effect == kOnPrecision)
+    return {layer, false, InputError(start, "; the layer is computed in float32")};
   const bool has_hint = start.ends_with("?)") || start.ends_with("it names)");
   if (has_hint || !part.reason.starts_with("unknown field"))
     return {layer, true, InputError(start)};  // likely a misspelling
@@ -119,8 +126,10 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
   };
   try {
     upgrade(file.net, options.keep_training ? ShapelessInputs::kDropped : ShapelessInputs::kKept,
+            options.keep_training || options.allow_unknown_fields ? AmbiguousCrops::kStartAtZero
+                                                                  : AmbiguousCrops::kErrors,
             blame, notes);
-    if (!options.keep_training) file.skipped = keep_inference(file.net, options, blame, notes);
+    if (!options.keep_training) keep_inference(file, options, blame, notes);
     if (!options.keep_training && !options.keep_python) replace_python_proposals(file.net, notes);
   } catch (const UpgradeError& error) {
     throw InputError(message_start(name, position(error.field, error.index)) + error.what());
@@ -233,9 +242,12 @@ NetFile read_net_binary(const fs::path& file, const Limits& limits) {
   // The indexing reader checks the structure first, with better messages and little I/O.
   WeightsFile::open(file, limits);
   std::ifstream in(file, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
   NetFile result;
-  if (!result.net.ParsePartialFromIstream(&in))
+  std::vector<std::string> skipped;
+  if (!parse_binary(bytes, result.net, skipped))
     throw InputError(file.string(), ": protobuf cannot parse it as a caffemodel");
+  for (const std::string& what : skipped) result.warnings.push_back(str(file.string(), ": ", what));
   if (!result.net.IsInitialized())
     throw InputError(file.string(), ": missing required field ",
                      result.net.InitializationErrorString());

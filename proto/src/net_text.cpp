@@ -15,6 +15,7 @@
 #include "revisit/base/error.h"
 #include "revisit/proto/limits.h"
 #include "revisit/proto/net_file.h"
+#include "text_fields.h"
 #include "upgrade.h"
 
 namespace revisit::proto {
@@ -58,140 +59,6 @@ size_t byte_offset(std::string_view text, int line, int column) {
   return offset;
 }
 
-/// Field in protobuf's text format. Positions are byte offsets.
-struct TextField {
-  std::string_view name;
-  size_t begin = 0, end = 0;  // from its name to the end of its value
-  size_t value = 0;           // start of its value
-  char opens = 0;  // first character of the value: '{' or '<' for a message, '[' for a list
-};
-
-constexpr std::string_view kBlanks = " \t\n\v\f\r";
-constexpr std::string_view kDelimiters = " \t\n\v\f\r{}<>[],;:#'\"";
-
-/// Scanner; its methods return false if the text does not match.
-class Walk {
- public:
-  Walk(std::string_view text, size_t begin, size_t end) : text_(text.substr(0, end)), at_(begin) {}
-
-  size_t at() const { return at_; }
-  char next() const { return at_ < text_.size() ? text_[at_] : '\0'; }
-  bool ended() const { return at_ >= text_.size(); }
-
-  void skip_space() {
-    for (;;) {
-      at_ = std::min(text_.find_first_not_of(kBlanks, at_), text_.size());
-      if (next() != '#') return;
-      at_ = std::min(text_.find('\n', at_), text_.size());
-    }
-  }
-
-  bool take(char wanted) {
-    if (next() != wanted) return false;
-    ++at_;
-    return true;
-  }
-
-  std::string_view word() {
-    const size_t begin = at_;
-    at_ = std::min(text_.find_first_of(kDelimiters, at_), text_.size());
-    return text_.substr(begin, at_ - begin);
-  }
-
-  /// Reads a word, or the name of an extension in brackets.
-  std::string_view name() {
-    if (next() != '[') return word();
-    const size_t begin = at_;
-    return brackets() ? text_.substr(begin, at_ - begin) : "";
-  }
-
-  bool value() {
-    if (next() == '{' || next() == '<' || next() == '[') return brackets();
-    if (next() != '"' && next() != '\'') return number();
-    while (next() == '"' || next() == '\'') {  // adjacent strings are concatenated
-      if (!quoted()) return false;
-      end_ = at_;
-      skip_space();
-    }
-    return true;
-  }
-
-  /// End of the last value, before trailing space.
-  size_t value_end() const { return end_; }
-
- private:
-  bool number() {
-    if (take('-')) skip_space();
-    const bool found = !word().empty();
-    end_ = at_;
-    return found;
-  }
-
-  bool quoted() {
-    const char quote = text_[at_];
-    for (++at_; at_ < text_.size(); ++at_) {
-      if (text_[at_] == '\\') {
-        ++at_;
-      } else if (text_[at_] == quote) {
-        ++at_;
-        return true;
-      }
-    }
-    return false;
-  }
-
-  bool brackets() {
-    char closing[kMaxNesting];
-    size_t depth = 0;
-    do {
-      skip_space();
-      if (ended()) return false;
-      if (next() == '"' || next() == '\'') {
-        if (!quoted()) return false;
-        continue;
-      }
-      constexpr std::string_view kOpening = "{<[", kClosing = "}>]";
-      const size_t kind = kOpening.find(next());
-      if (kind != std::string_view::npos) {
-        if (depth == std::size(closing)) return false;
-        closing[depth++] = kClosing[kind];
-      } else if (kClosing.find(next()) != std::string_view::npos) {
-        if (depth == 0 || next() != closing[--depth]) return false;
-      }
-      ++at_;
-    } while (depth > 0);
-    end_ = at_;
-    return true;
-  }
-
-  std::string_view text_;
-  size_t at_, end_ = 0;
-};
-
-/// Parses the message body text[begin, end); nullopt if it is malformed or nests too deeply.
-std::optional<std::vector<TextField>> text_fields(std::string_view text, size_t begin, size_t end) {
-  std::vector<TextField> fields;
-  Walk walk(text, begin, end);
-  for (walk.skip_space(); !walk.ended(); walk.skip_space()) {
-    TextField field;
-    field.begin = walk.at();
-    field.name = walk.name();
-    walk.skip_space();
-    const bool has_colon = walk.take(':');
-    walk.skip_space();
-    field.value = walk.at();
-    field.opens = walk.next();
-    if (field.name.empty() || !(has_colon || field.opens == '{' || field.opens == '<') ||
-        !walk.value())
-      return std::nullopt;
-    field.end = walk.value_end();
-    fields.push_back(field);
-    walk.skip_space();
-    if (!walk.take(',')) walk.take(';');
-  }
-  return fields;
-}
-
 class Lines {
  public:
   explicit Lines(std::string_view text) {
@@ -228,6 +95,7 @@ class FirstError final : public google::protobuf::io::ErrorCollector {
     } else if (const auto value = between(message, "Unknown enumeration value of \"", "\"")) {
       offset = begin_of(*value);
       reason = unknown_enum(*value, between(message, "for field \"", "\"").value_or(""));
+      is_of_value = true;
     } else if (message.ends_with("got: ")) {
       reason += "the end of the text";
     }
@@ -235,6 +103,7 @@ class FirstError final : public google::protobuf::io::ErrorCollector {
 
   std::string reason;
   size_t offset = 0;  // in the part
+  bool is_of_value = false;
 
  private:
   /// Start of a name, because protobuf locates an error after the name.
@@ -333,6 +202,9 @@ class PartReader {
                   effect_of(name, type, reached_by, is_message));
       return;
     }
+    const FieldDescriptor* const twin = type.FindFieldByName(name + "_nd");
+    if (twin && into.GetReflection()->HasField(into, known) && append_to_twin(field, *twin, into))
+      return;
     if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
       note_unread(field.begin,
                   str("Non-repeated field \"", name, "\" is specified multiple times."));
@@ -345,6 +217,22 @@ class PartReader {
       into.MergeFrom(*read);
     else if (!read_inside(field, *known, into))
       leave_out_value(field, *known, complaint, reached_by);
+  }
+
+  /// Reads a further value of a field of PoolingParameter, one per axis. Its first value is in the
+  /// field itself, and in `twin` with the others.
+  bool append_to_twin(const TextField& field, const FieldDescriptor& twin, Message& into) {
+    const std::string name(field.name);
+    const std::string_view value = text_.substr(field.value, field.end - field.value);
+    Silence silence;
+    const std::unique_ptr<Message> read(into.New());
+    if (!parses(str(name, "_nd: ", value), silence, false, *read)) return false;
+    const auto* reflection = into.GetReflection();
+    if (reflection->FieldSize(into, &twin) == 0)
+      reflection->AddUInt32(
+          &into, &twin, reflection->GetUInt32(into, into.GetDescriptor()->FindFieldByName(name)));
+    into.MergeFrom(*read);
+    return true;
   }
 
   bool read_inside(const TextField& field, const FieldDescriptor& known, Message& into) {
@@ -421,8 +309,15 @@ ParsedText parse_net_text(const std::string& text, const std::string& name) {
   // protobuf locates structural errors best if it ignores unknown fields.
   FirstError of_structure(text);
   caffe::NetParameter unused;
-  const FirstError& wrong = parses(text, of_structure, true, unused) ? complaint : of_structure;
-  throw InputError(message_start(name, Lines(text).position(wrong.offset)),
+  const bool has_structure = parses(text, of_structure, true, unused);
+  const Lines lines(text);
+  // protobuf stops at an unknown enumeration value, which may precede the structural error.
+  if (!has_structure && of_structure.is_of_value)
+    throw InputError(message_start(name, lines.position(text.size())),
+                     "is not closed or not well-formed: expected pairs of braces and quotes up to "
+                     "here (is the file truncated?)");
+  const FirstError& wrong = has_structure ? complaint : of_structure;
+  throw InputError(message_start(name, lines.position(wrong.offset)),
                    wrong.reason.empty() ? "cannot be parsed" : wrong.reason);
 }
 

@@ -27,10 +27,11 @@ std::string message_start(const std::string& name, TextPosition position);
 
 struct UnreadPart {
   enum class Effect {
-    kNone,     // no effect on inference
-    kOnLoss,   // changes the value of a loss
-    kOutside,  // no effect on the layer as far as this schema shows
-    kUnknown   // may change results: must not be ignored
+    kNone,         // no effect on inference
+    kOnLoss,       // changes the value of a loss
+    kOutside,      // no effect on the layer as far as this schema shows
+    kOnPrecision,  // data types of Intel's quantized layers, whose weights are in float32
+    kUnknown       // may change results: must not be ignored
   };
   TextPosition position;
   std::string reason;

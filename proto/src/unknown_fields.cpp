@@ -23,19 +23,17 @@ constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
 constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
 constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
 
-constexpr std::array<TypeOfFork, 50> kTypes = {{
+constexpr std::array<TypeOfFork, 47> kTypes = {{
     {"annotateddata", kSsd},
     {"bboxreg", kMscnn},
     {"channelnorm", kFlowNet},
     {"colormap", "FCN (fcn.berkeleyvision.org)"},
-    {"continuationindicator", "CRNN (yalecyu/crnn.caffe)"},
-    {"convolution3d", "C3D (facebook/C3D)"},
     {"correlation", kFlowNet},
     {"correlation1d", kFlowNet},
     {"crop", "FCN (longjon/caffe), and its offset cannot be computed"},
     {"ctcdecoder", kOcr},
-    {"ctcgreedydecoder", kOcr},
     {"customdata", kFlowNet},
+    {"deconvolution3d", "C3D (facebook/C3D)"},
     {"deformableconvolution", "Deformable ConvNets (unsky/Deformable-ConvNets-caffe)"},
     {"deformablepsroipooling", "Deformable ConvNets (unsky/Deformable-ConvNets-caffe)"},
     {"densecrf", kDeepLab},
@@ -47,9 +45,6 @@ constexpr std::array<TypeOfFork, 50> kTypes = {{
     {"downsample", kFlowNet},
     {"evaldetection", "YOLO (yeahkun/caffe-yolo)"},
     {"flowwarp", kFlowNet},
-    {"frcnnproposal",
-     "FRCNN (makefile/frcnn), and its anchors are in a configuration file; the nearest is a "
-     "Proposal layer with proposal_param { feat_stride ratio scale min_size ... }"},
     {"imagegtdata", kMscnn},
     {"imagesegdata", kDeepLab},
     {"l1loss", kFlowNet},
@@ -61,7 +56,7 @@ constexpr std::array<TypeOfFork, 50> kTypes = {{
     {"multiboxloss", kSsd},
     {"multistagemeanfield", "CRF-as-RNN (torrvision/crfasrnn)"},
     {"noisylayer", "LightCNN (AlfredXiangWu/face_verification_experiment)"},
-    {"pooling3d", "C3D (facebook/C3D)"},
+    {"pooling3d", "C3D (facebook/C3D), whose padded pooling is not supported"},
     {"proposaltarget", kMscnn},
     {"psroialign", kRfcn},
     {"regionloss", kYolo},
@@ -89,11 +84,22 @@ constexpr std::array kWithoutEffect = {
     "WindowDataParameter",
 };
 
-/// Training-only fields of layers and nets in forks.
+/// Fields of layers and nets in forks that have no effect on a forward pass: of training, of
+/// sharing memory, and DeepLab's check of shared shapes.
 constexpr std::array kOfTraining = {
-    "bn_stats_batch_size", "box_annotator_ohem_param", "detection_evaluate_param",
-    "force_backward",      "global_grad_scale",        "global_grad_scale_adaptive",
-    "mn_activation_param", "mn_grad_compress_param",   "multinode",
+    "bn_stats_batch_size",
+    "box_annotator_ohem_param",
+    "detection_evaluate_param",
+    "eltwise_mem_sharing",
+    "force_backward",
+    "global_grad_scale",
+    "global_grad_scale_adaptive",
+    "mem_param",
+    "mn_activation_param",
+    "mn_grad_compress_param",
+    "multinode",
+    "optimize_mem",
+    "strict_dim",
 };
 
 constexpr std::string_view kParam = "_param";
@@ -182,7 +188,8 @@ UnreadPart::Effect effect_of(std::string_view field, const Descriptor& message,
   if (message.name() == "LossParameter") return kOnLoss;
   // An unknown message field of a net may be a misspelled layer.
   if (&message == caffe::NetParameter::descriptor()) return is_message ? kUnknown : kOutside;
-  if (!is_layer(message) || field == "quantization_param") return kUnknown;
+  if (!is_layer(message)) return kUnknown;
+  if (field == "quantization_param") return kOnPrecision;
   if (field.ends_with("_loss_param")) return kOnLoss;
   return field.ends_with("_data_param") ? kNone : kOutside;
 }

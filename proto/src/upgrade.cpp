@@ -119,6 +119,42 @@ void upgrade_holes(caffe::NetParameter& net) {
   }
 }
 
+template <class Repeated>
+void set_axes(Repeated* field, uint32_t depth, uint32_t height_width) {
+  field->Clear();
+  for (const uint32_t value : {depth, height_width, height_width}) field->Add(value);
+}
+
+/// Converts C3D's layers of volumes [n][c][depth][h][w]. Its padded pooling has other output sizes
+/// than Caffe's, and stays.
+void upgrade_volumes(caffe::NetParameter& net) {
+  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
+    if (layer.type() == "Convolution3D") {
+      if (layer.has_convolution3d_param())
+        layer.mutable_convolution_param()->Swap(layer.mutable_convolution3d_param());
+      caffe::ConvolutionParameter& p = *layer.mutable_convolution_param();
+      if (p.kernel_size_size() != 1 || p.pad_size() > 1 || p.stride_size() > 1) continue;
+      set_axes(p.mutable_kernel_size(), p.kernel_depth(), p.kernel_size(0));
+      set_axes(p.mutable_stride(), p.temporal_stride(), p.stride_size() > 0 ? p.stride(0) : 1);
+      set_axes(p.mutable_pad(), p.temporal_pad(), p.pad_size() > 0 ? p.pad(0) : 0);
+      p.clear_kernel_depth(), p.clear_temporal_stride();
+      p.clear_temporal_pad(), p.clear_filter_group();
+      layer.clear_convolution3d_param();
+      layer.set_type("Convolution");
+    } else if (layer.type() == "Pooling3D") {
+      if (layer.has_pooling3d_param())
+        layer.mutable_pooling_param()->Swap(layer.mutable_pooling3d_param());
+      caffe::PoolingParameter& p = *layer.mutable_pooling_param();
+      layer.clear_pooling3d_param();
+      if (p.pad() > 0) continue;
+      set_axes(p.mutable_kernel_size_nd(), p.kernel_depth(), p.kernel_size());
+      set_axes(p.mutable_stride_nd(), p.temporal_stride(), p.stride());
+      p.clear_kernel_depth(), p.clear_temporal_stride();
+      layer.set_type("Pooling");
+    }
+  }
+}
+
 using V1 = caffe::V1LayerParameter;
 
 constexpr const char* kV1Types =
@@ -127,7 +163,9 @@ constexpr const char* kV1Types =
     "InfogainLoss InnerProduct LRN MemoryData MultinomialLogisticLoss MVN Pooling Power ReLU "
     "Sigmoid SigmoidCrossEntropyLoss Silence Slice Softmax Split TanH Threshold WindowData "
     // Forks DeepLab, FCN and SegNet, and Caffe shortly before V2.
-    "Interp Crop Upsample BN BatchNorm PReLU Reshape ROIPooling";
+    "Interp Crop Upsample BN BatchNorm PReLU Reshape ROIPooling "
+    // C3D.
+    "Convolution3D Pooling3D";
 
 void move_transform(google::protobuf::Message& from, V1& layer) {
   for (const char* name : {"scale", "mean_file", "crop_size", "mirror"}) {
@@ -206,13 +244,19 @@ void upgrade_v1(caffe::NetParameter& net) {
 
 std::string type_of_v1(std::string capitals) {
   // V1's names are V2's in capitals with underscores, with one exception.
+  std::string words;  // "ImageSegData" of IMAGE_SEG_DATA, a data layer of a fork
+  for (size_t i = 0; i < capitals.size(); ++i)
+    if (capitals[i] != '_')
+      words += static_cast<char>(i > 0 && capitals[i - 1] != '_'
+                                     ? std::tolower(static_cast<unsigned char>(capitals[i]))
+                                     : capitals[i]);
   if (capitals == "SOFTMAX_LOSS") return "SoftmaxWithLoss";
   std::erase(capitals, '_');
   std::istringstream types(kV1Types);
   for (std::string v2; types >> v2;)
     if (std::ranges::equal(v2, capitals, {}, [](unsigned char c) { return std::toupper(c); }))
       return v2;
-  return "";
+  return words.ends_with("Data") ? words : "";
 }
 
 bool merge_field(const google::protobuf::Message& from,
@@ -229,8 +273,8 @@ bool merge_field(const google::protobuf::Message& from,
       str(message, " { ", name, is_message ? " { " : ": ", value, is_message ? " } }" : " }"), &to);
 }
 
-void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, const Blame& blame,
-             std::vector<std::string>& warnings) {
+void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, AmbiguousCrops crops,
+             const Blame& blame, std::vector<std::string>& warnings) {
   check_one_generation(net);
   upgrade_v0(net, blame, warnings);
   upgrade_data_transform(net);
@@ -238,7 +282,8 @@ void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, const Blame& blam
   upgrade_inputs(net, inputs, warnings);
   upgrade_batch_norm(net);
   upgrade_holes(net);
-  find_crop_offsets(net, blame, warnings);
+  upgrade_volumes(net);
+  find_crop_offsets(net, crops, blame, warnings);
 }
 
 }  // namespace revisit::proto

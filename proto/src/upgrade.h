@@ -29,10 +29,16 @@ enum class ShapelessInputs {
   kKept      // becomes an Input layer without a shape, which the loader may know
 };
 
+/// A Crop without crop_param for which a fork would compute an offset.
+enum class AmbiguousCrops {
+  kErrors,
+  kStartAtZero  // with a warning, as in Caffe
+};
+
 /// Upgrades a net of any generation to V2, in Caffe's order. Throws UpgradeError for errors of the
 /// net; errors of layers go to `blame`.
-void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, const Blame& blame,
-             std::vector<std::string>& warnings);
+void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, AmbiguousCrops crops,
+             const Blame& blame, std::vector<std::string>& warnings);
 
 /// Converts V0 layers (2013: one flat message inside V1's `layer`) to V1 layers, and merges padding
 /// layers into the convolution or pooling that follows. A net without V0 layers is unchanged. Warns
@@ -52,9 +58,8 @@ bool merge_field(const google::protobuf::Message& from,
 /// both inputs.
 constexpr const char* kAligningCrop = "CROP";
 
-/// Converts crops of that type to Caffe's Crop with the computed offset, where possible. Warns
-/// about each Crop without an offset for which the fork would compute a nonzero one.
-void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
+/// Converts crops of that type to Caffe's Crop with the computed offset, where possible.
+void find_crop_offsets(caffe::NetParameter& net, AmbiguousCrops crops, const Blame& blame,
                        std::vector<std::string>& warnings);
 
 /// Converts ProposalLayer of Faster R-CNN, a layer of type Python, to a Proposal layer if all of
@@ -66,10 +71,9 @@ void replace_python_proposals(caffe::NetParameter& net, std::vector<std::string>
 /// Reduces a V2 net to inference: the layers of the state and, if it reads training data (a
 /// train_val.prototxt), the part between data and prediction. Data layers become Input layers, with
 /// a shape if the file has one. Losses, Accuracy and label layers are skipped. A sole
-/// SoftmaxWithLoss becomes the Softmax of a deploy prototxt. Values that depend on
-/// types with weights are predictions, not labels. Returns the fate of training layers, by name.
-std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
-                                                  const NetReadOptions& options, const Blame& blame,
-                                                  std::vector<std::string>& warnings);
+/// SoftmaxWithLoss becomes the Softmax of a deploy prototxt. Values that depend on types with
+/// weights are predictions, not labels. Sets `skipped` and `dropped` of the file.
+void keep_inference(NetFile& file, const NetReadOptions& options, const Blame& blame,
+                    std::vector<std::string>& warnings);
 
 }  // namespace revisit::proto

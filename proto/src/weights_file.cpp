@@ -8,6 +8,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "downloads.h"
 #include "hdf5_file.h"
 #include "revisit/base/text.h"
 #include "wire_reader.h"
@@ -37,7 +38,7 @@ constexpr uint32_t kV1Layers = 2, kV2Layer = 100;
 
 // Field numbers of BlobProto and BlobShape.
 constexpr uint32_t kNum = 1, kWidth = 4, kData = 5, kShape = 7, kDoubleData = 8, kRawDataType = 10,
-                   kRawData = 12, kDim = 1;
+                   kRawData = 12, kDim = 1, kWidthOfC3d = 5, kDataOfC3d = 6, kAllSizesOfC3d = 31;
 
 /// IEEE 754 binary16.
 struct Half {
@@ -122,16 +123,23 @@ int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
 /// numbers, raw_data. Skips gradients. Throws FormatError, also above kMaxElements.
 Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
   Blob blob;
-  std::array<int32_t, 4> legacy{};
+  // num, channels, height, width; C3D has 5 numbers, num, channels, length, height, width, and its
+  // data in the field of gradients.
+  std::array<int32_t, 5> legacy{};
+  uint32_t sizes_seen = 0;  // a bit per number
   std::vector<float> doubles;
   std::optional<WireField> raw;
   uint64_t raw_type = 0;
   WireReader reader(cursor, begin, end);
   for (WireField field; reader.next(field);) {
     const bool is_run = field.type == WireType::kLength;
-    if (field.type == WireType::kVarint && field.number >= kNum && field.number <= kWidth) {
+    if (field.type == WireType::kVarint && field.number >= kNum && field.number <= kWidthOfC3d) {
       legacy[field.number - kNum] = static_cast<int32_t>(field.value);
-      blob.legacy_shape = true;
+      blob.legacy_shape |= field.number != kWidthOfC3d;
+      sizes_seen |= 1U << (field.number - kNum);
+    } else if (sizes_seen == kAllSizesOfC3d && field.number == kDataOfC3d &&
+               (is_run || field.type == WireType::kFixed32)) {
+      append<float>(cursor, field, blob.data);
     } else if (field.number == kData && (is_run || field.type == WireType::kFixed32)) {
       append<float>(cursor, field, blob.data);
     } else if (field.number == kDoubleData && (is_run || field.type == WireType::kFixed64)) {
@@ -144,7 +152,8 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
       append_shape(cursor, field, blob.shape);
     }
   }
-  if (blob.legacy_shape) blob.shape.assign(legacy.begin(), legacy.end());
+  if (blob.legacy_shape)
+    blob.shape.assign(legacy.begin(), legacy.end() - (sizes_seen == kAllSizesOfC3d ? 0 : 1));
   if (!doubles.empty()) blob.data = std::move(doubles);
   if (raw && blob.data.empty()) append_raw(cursor, *raw, raw_type, blob.data);
 
@@ -219,9 +228,10 @@ class Caffemodel final : public WeightsFile {
     if (cursor_.size() == 0) throw InputError(path, ": is empty, expected a caffemodel");
     check_binary_size(cursor_, "a caffemodel");
     const std::string head = read_head(cursor_);
-    const std::string not_binary = str(path,
-                                       ": is text, expected a binary caffemodel (a prototxt, a web "
-                                       "page or a Git LFS pointer in its place?)");
+    if (const std::string wrong = wrong_download(head); !wrong.empty())
+      throw InputError(path, ": ", wrong, " (expected a caffemodel)");
+    const std::string not_binary =
+        str(path, ": is text, expected a binary caffemodel (a prototxt in its place?)");
     try {
       index_net();
     } catch (const FormatError& error) {
@@ -314,6 +324,8 @@ Blob read_binaryproto(const fs::path& file, const Limits& limits) {
   FileCursor cursor(file);
   check_size(cursor, limits);
   check_binary_size(cursor, "a binaryproto");
+  if (const std::string wrong = wrong_download(read_head(cursor)); !wrong.empty())
+    throw InputError(file.string(), ": ", wrong, " (expected a binaryproto)");
   try {
     Blob blob = read_blob(cursor, 0, cursor.size());
     if (blob.data.empty()) throw FormatError(0, "it holds no values");

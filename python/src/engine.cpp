@@ -64,17 +64,20 @@ void def_load(nb::class_<Net>& net, const char* name, const Load& load, const ch
   net.def_static(
       name,
       [load](Given... given, std::string end, std::string graft, const Shapes& inputs,
-             bool allow_missing, bool allow_unknown, const std::optional<proto::Limits>& limits) {
+             bool allow_missing, uint64_t fill_seed, bool allow_unknown,
+             const std::optional<proto::Limits>& limits) {
         const engine::LoadOptions options{.end = std::move(end),
                                           .graft = std::move(graft),
                                           .inputs = shapes_from(inputs),
                                           .allow_missing = allow_missing,
+                                          .fill_seed = fill_seed,
                                           .allow_unknown = allow_unknown,
                                           .limits = limits.value_or(proto::Limits())};
         return without_lock([&] { return load(given..., options); });
       },
       names..., nb::kw_only(), "end"_a = "", "graft"_a = "", "inputs"_a = Shapes(),
-      "allow_missing"_a = false, "allow_unknown"_a = false, "limits"_a = nb::none(), doc);
+      "allow_missing"_a = false, "fill_seed"_a = 0, "allow_unknown"_a = false,
+      "limits"_a = nb::none(), doc);
 }
 
 Net load(const fs::path& prototxt, const std::optional<fs::path>& weights,
@@ -100,7 +103,8 @@ void bind_loading(nb::class_<Net>& net) {
       "end: last layer of a truncated net; '' for the full net.\n"
       "graft: a layer without weights to append to it ('pool5': the paper's conv3+pool5).\n"
       "inputs: input shapes that replace those of the prototxt.\n"
-      "allow_missing: set weights that are missing in the file to zero.\n"
+      "allow_missing: fill weights that the file lacks as Caffe does before training.\n"
+      "fill_seed: of random fillers.\n"
       "allow_unknown: warn about unknown fields outside layer parameters instead of raising.\n"
       "Raises InputError (files do not parse or do not match), UnsupportedError (unsupported layer "
       "type), UsageError (unknown layer).",
@@ -266,6 +270,13 @@ void bind_engine(nb::module_& module) {
 
   module.def("port_name", &proto::port_name, "layer"_a, "port"_a,
              "Name of a layer's output for Run.layer_output(): 'slice', 'slice.1', ...");
+  module.def(
+      "filled",
+      [](const nb::bytes& filler, const std::vector<int64_t>& shape, uint64_t seed) {
+        return array_of(engine::filled(bytes_of(filler), engine::Shape(shape), seed), shape);
+      },
+      "filler"_a, "shape"_a, "seed"_a,
+      "Values of a weight blob before training. filler: a serialized FillerParameter.");
   module.def(
       "layer_types",
       [] {

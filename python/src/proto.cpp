@@ -241,6 +241,14 @@ void bind_net_file(nb::module_& module) {
              "Returns a net of layers in the current format: pairs of a serialized LayerParameter "
              "and its arrays (float32, C order).");
   module.def(
+      "readable_net",
+      [](const nb::bytes& net) {
+        return bytes_from(proto::readable_net(std::string(bytes_of(net))));
+      },
+      "net"_a,
+      "Returns a serialized NetParameter without the fields of layers that do not parse, because "
+      "forks give the same numbers to different fields. Raises InputError for other bytes.");
+  module.def(
       "schema", [] { return bytes_from(proto::schema_bytes()); },
       "Returns the schema of Caffe's files as a serialized google.protobuf.FileDescriptorProto, "
       "package revisit.caffe.");

@@ -15,7 +15,7 @@ TEST(PReLU, OneSlopePerChannelOrOneForAll) {
       layer_of("PReLU", "prelu_param { channel_shared: true }")->weight_shapes({Shape{2, 2}})[0],
       Shape{});
   expect_rejected("PReLU", "", {Shape{3}}, {"2 axes"});
-  expect_rejected("PReLU", "", {Shape{1, 2, 1, 1, 2}}, {"at most 4 axes"});
+  expect_near(run("PReLU", "", {1, 2, 1, 1, 2}, {-1, 2, -3, 4}, {{0.5F, 10}}), {-0.5F, 2, -30, 4});
 }
 
 /// Fused kernels keep positive values unchanged, which would hide a diverged slope.
@@ -119,6 +119,29 @@ TEST(BatchNorm, DividesTheStoredSumsByTheirWeight) {
   expect_near(
       run("BatchNorm", "batch_norm_param { eps: 0.25 }", {1, 1, 2}, {2, 6}, {{20}, {40}, {0}}),
       {4, 12});
+}
+
+/// NVIDIA's fork: statistics are not divided, and fillers switch scale and bias on.
+TEST(BatchNorm, WithScaleAndBias) {
+  for (const char* param :
+       {"scale_bias: true use_global_stats: false", "scale_filler { value: 1 }", "bias_filler {}"})
+    expect_near(run("BatchNorm", str("batch_norm_param { eps: 0.25 ", param, " }"), {1, 2, 2},
+                    {2, 6, 3, 1}, {{4, 1}, {3.75F, 0}, {10}, {3, 2}, {-1, 0.5F}}),
+                {-4, 2, 8.5F, 0.5F});
+  EXPECT_EQ(layer_of("BatchNorm", "batch_norm_param { scale_bias: true } param {}")
+                ->weight_shapes({Shape{1, 2}})
+                .size(),
+            5U);
+  const auto form = layer_of("BatchNorm", "batch_norm_param { eps: 0.25 scale_bias: true }")
+                        ->form({Shape{1, 1, 2, 2}}, {{Shape{1}, {4}},
+                                                     {Shape{1}, {3.75F}},
+                                                     {Shape{1}, {0}},
+                                                     {Shape{1}, {3}},
+                                                     {Shape{1}, {-1}}});
+  const auto* affine = std::get_if<ChannelAffine>(&form);
+  ASSERT_TRUE(affine);
+  EXPECT_NEAR(affine->scale[0], 1.5, 1e-6);
+  EXPECT_NEAR(affine->shift[0], -7, 1e-6);
 }
 
 TEST(BatchNorm, OfTheBatchWhenAskedFor) {

@@ -1,3 +1,4 @@
+#include "checked_layer.h"
 #include "kernels/convolution.h"
 #include "single_layer.h"
 #include "testing.h"
@@ -259,6 +260,97 @@ TEST(Depthwise, TheOtherForkTakesNoNumberOfOutputs) {
                                 {{1, 10, 100, 1000}, {0.5F, 0.25F}}});
   EXPECT_EQ(found[0].shape, (Shape{1, 2, 1, 1}));
   expect_near(found[0].values, {21.5F, 4300.25F});
+}
+
+struct VolumeAxis {
+  int64_t size, kernel, stride, pad;
+  int64_t windows() const {
+    int64_t n = (size + 2 * pad - kernel + stride - 1) / stride + 1;
+    return n;
+  }
+};
+
+/// Slow twin, from the definition in docs/LAYERS.md points 1 and 2.
+std::vector<float> pooled(const std::vector<float>& volume, const std::vector<VolumeAxis>& axes,
+                          const Shape& out, bool is_max) {
+  std::vector<float> result;
+  for (int64_t i = 0; i < out.elements(); ++i) {
+    const int64_t at[] = {i / (out[4] * out[3]) % out[2], i / out[4] % out[3], i % out[4]};
+    double sum = 0, best = -kInf;
+    int64_t area = 1;
+    for (int64_t a = 0; a < 3; ++a) {
+      const int64_t start = at[a] * axes[a].stride - axes[a].pad;
+      area *= std::min(start + axes[a].kernel, axes[a].size + axes[a].pad) - start;
+    }
+    const int64_t n_volume = i / (out[4] * out[3] * out[2]) * axes[0].size;
+    for (int64_t k = 0; k < axes[0].kernel * axes[1].kernel * axes[2].kernel; ++k) {
+      const int64_t tap[] = {k / (axes[2].kernel * axes[1].kernel),
+                             k / axes[2].kernel % axes[1].kernel, k % axes[2].kernel};
+      int64_t pixel = 0;
+      bool inside = true;
+      for (int64_t a = 0; a < 3; ++a) {
+        const int64_t x = at[a] * axes[a].stride - axes[a].pad + tap[a];
+        inside &= x >= 0 && x < axes[a].size;
+        pixel = (a == 0 ? n_volume : pixel * axes[a].size) + x;
+      }
+      if (!inside) continue;
+      sum += volume[pixel];
+      best = std::max(best, double{volume[pixel]});
+    }
+    result.push_back(static_cast<float>(is_max ? best : sum / static_cast<double>(area)));
+  }
+  return result;
+}
+
+TEST(PoolingNd, VolumesAgreeWithTheDefinition) {
+  struct Case {
+    const char* param;
+    std::vector<VolumeAxis> axes;
+    Shape out;
+  };
+  for (const Case& c : std::vector<Case>{
+           {"kernel_size: 2 stride: 2",
+            {{4, 2, 2, 0}, {5, 2, 2, 0}, {6, 2, 2, 0}},
+            {2, 3, 2, 3, 3}},
+           {"kernel_size_nd: [1, 2, 3] stride_nd: [1, 2, 1] pad: 0",
+            {{4, 1, 1, 0}, {5, 2, 2, 0}, {6, 3, 1, 0}},
+            {2, 3, 4, 3, 4}},
+           {"kernel_size: 3 stride: 2 pad: 1",
+            {{4, 3, 2, 1}, {5, 3, 2, 1}, {6, 3, 2, 1}},
+            {2, 3, 3, 3, 4}},
+           {"kernel_size: 2 pad_nd: [0, 1, 0] round_mode: FLOOR stride: 2",
+            {{4, 2, 2, 0}, {5, 2, 2, 1}, {6, 2, 2, 0}},
+            {2, 3, 2, 3, 3}},
+           {"global_pooling: true", {{4, 4, 1, 0}, {5, 5, 1, 0}, {6, 6, 1, 0}}, {2, 3, 1, 1, 1}}})
+    for (const bool is_max : {true, false}) {
+      SCOPED_TRACE(c.param);
+      const std::vector<float> x = random_floats(2 * 3 * 4 * 5 * 6, 1);
+      Shape shape;
+      const auto found = test::run(
+          "Pooling", str("pooling_param { pool: ", is_max ? "MAX " : "AVE ", c.param, " }"),
+          {2, 3, 4, 5, 6}, x, {}, &shape);
+      EXPECT_EQ(shape, c.out);
+      expect_near(found, pooled(x, c.axes, c.out, is_max), is_max ? 0 : 1e-6F);
+    }
+}
+
+TEST(PoolingNd, MaskWindowAndRejections) {
+  const Tensor x{Shape{1, 1, 2, 2, 2}, {0, 1, 2, 3, 9, 5, 6, 7}};
+  const auto found = test::run_checked("Pooling", "pooling_param { kernel_size: 2 }", {x}, {}, 2);
+  EXPECT_EQ(found[0].values, std::vector<float>{9});
+  EXPECT_EQ(found[1].values, std::vector<float>{4});
+  const auto window = layer_of("Pooling", "pooling_param { kernel_size_nd: [1, 2, 3] }")
+                          ->window(Shape{1, 1, 4, 4, 4});
+  EXPECT_EQ(window->h.extent, 2);
+  EXPECT_EQ(window->w.extent, 3);
+  for (const auto& [param, part] :
+       {std::pair{"kernel_h: 2 kernel_w: 2", "2 spatial axes"},
+        {"kernel_size_nd: [1, 2]", "2 times; expected once, or once for each of 3"},
+        {"kernel_size: 5", "does not fit into 4"}})
+    expect_rejected("Pooling", str("pooling_param { ", param, " }"), {Shape{1, 1, 4, 4, 4}},
+                    {part});
+  expect_rejected("Pooling", "pooling_param { kernel_size: 1 }", {Shape{1, 1, 4}},
+                  {"5 for volumes"});
 }
 
 }  // namespace

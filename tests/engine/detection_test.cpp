@@ -285,5 +285,25 @@ TEST(RoiPooling, RejectsInvalidParameters) {
                   {Shape{1, 1, 4, 4}, Shape{2, 4}}, {"regions of 5", "2x4"});
 }
 
+/// RefineDet: the first stage moves the priors, and drops those with a low second confidence.
+TEST(DetectionOutput, OfTwoStages) {
+  auto l = detector("confidence_threshold: 0.15 objectness_score: 0.25");
+  l.inputs.push_back({Shape{2, 6}, {0, 1, 0, 0.2F, 0, 0.3F, 0, 0, 0, 0.25F, 0, 0}});
+  auto wanted = run_layer(l)[0].values;
+  expect_near(wanted, {0, 1, 0.9F, 0, 0, 1, 1, 0, 2, 0.6F, 0, 0, 1, 1, 1, 2, 0.7F, 2, 2, 3, 3});
+  l.inputs.push_back({Shape{2, 12}, std::vector<float>(24, 0)});
+  EXPECT_EQ(run_layer(l)[0].values, wanted);
+  std::fill_n(l.inputs[4].values.begin() + 12, 12, 0.5F);  // corners of image 1
+  l.inputs[0].values[12 + 4] = 1;                          // xmin of its second prior
+  const auto moved = run_layer(l)[0].values;
+  expect_near({moved.end() - 7, moved.end()}, {1, 2, 0.7F, 3.5F, 2.5F, 3.5F, 3.5F});
+  expect_rejected("DetectionOutput",
+                  "detection_output_param { num_classes: 3 objectness_score: 1 }",
+                  {Shape{2, 8}, Shape{2, 6}, Shape{1, 2, 8}}, {"RefineDet's 4th input"});
+  expect_rejected("DetectionOutput", "detection_output_param { num_classes: 3 }",
+                  {Shape{2, 8}, Shape{2, 6}, Shape{1, 2, 8}, Shape{2, 3}},
+                  {"2 x 4 confidences", "first stage", "2x3"});
+}
+
 }  // namespace
 }  // namespace revisit::engine

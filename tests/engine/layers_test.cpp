@@ -153,9 +153,9 @@ TEST(Layers, RejectInvalidParameters) {
             ->weight_shapes({Shape{1, 1, 8, 8}});
       },
       {"both hole_h and hole_w"});
-  // A fork's data layer, for which deploy files have an Input layer.
-  expect_rejected<UnsupportedError>("MolGridData", "top: 'data'", {},
-                                    {"'MolGridData'", "write an Input layer"});
+  // A layer that reads data, for which deploy files have an Input layer.
+  expect_rejected<UnsupportedError>("MolGridReader", "top: 'data'", {},
+                                    {"'MolGridReader'", "write an Input layer"});
   expect_rejected("Convolution", "convolution_param { num_output: 3 group: 2 }", {},
                   {"multiple of group"});
   expect_error<InputError>([] { layer_of("LRN", "lrn_param { local_size: 4 }"); }, {"odd"});

@@ -528,5 +528,63 @@ TEST(Threads, ManyGiveTheSameBits) {
   for (const int threads : {8, 16, 61}) EXPECT_EQ(result(threads), wanted) << threads;
 }
 
+TEST_F(NetTest, MissingWeightsComeFromTheirFillers) {
+  const auto values = [&](const std::string& layers, uint64_t seed = 0) {
+    write_file(prototxt(),
+               "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { "
+               "dim: [1, 2, 3, 3] } } }" +
+                   layers);
+    const Net net = Net::load(prototxt(), weights(), {.allow_missing = true, .fill_seed = seed});
+    std::vector<std::vector<float>> all;
+    for (const auto& [name, blobs] : net.weights())
+      for (const auto& blob : blobs) all.emplace_back(blob.values().begin(), blob.values().end());
+    return all;
+  };
+  const auto layer = [](const std::string& type, const std::string& param) {
+    return "layer { name: 'l' type: '" + type + "' bottom: 'data' top: 'l' " + param + " }";
+  };
+  using Blobs = std::vector<std::vector<float>>;
+  EXPECT_EQ(values(layer("Scale", "scale_param { bias_term: true bias_filler { value: -3 } }")),
+            (Blobs{{1, 1}, {-3, -3}}));
+  EXPECT_EQ(values(layer("PReLU", "")), (Blobs{{0.25F, 0.25F}}));
+  EXPECT_EQ(values(layer("BatchNorm", "batch_norm_param { bias_filler { value: 2 } }")),
+            (Blobs{{0, 0}, {0, 0}, {1}, {1, 1}, {2, 2}}));
+  EXPECT_EQ(values(layer("BN", "bn_param { frozen: true slope_filler { value: 3 } }")),
+            (Blobs{{3, 3}, {0, 0}, {0, 0}, {1, 1}}));
+  EXPECT_EQ(values(layer("Deconvolution",
+                         "convolution_param { num_output: 2 group: 2 kernel_size: "
+                         "4 bias_term: false weight_filler { type: 'bilinear' } }"))[0][5],
+            0.5625F);
+  const std::string fc = "inner_product_param { num_output: 4 bias_term: false weight_filler { ";
+  for (const auto& [filler, most] : {std::pair{"type: 'xavier'", 0.41F},
+                                     {"type: 'msra'", 3.0F},
+                                     {"type: 'gaussian' std: 0.1", 0.7F},
+                                     {"type: 'uniform' min: -2 max: -1", 2.0F},
+                                     {"type: 'positive_unitball'", 1.0F}}) {
+    const auto found = values(layer("InnerProduct", str(fc, filler, " } }")), 7)[0];
+    const auto [low, high] = std::minmax_element(found.begin(), found.end());
+    EXPECT_TRUE(*low >= -most && *high <= most && *low < *high) << filler;
+    EXPECT_EQ(values(layer("InnerProduct", str(fc, filler, " } }")), 7)[0], found);
+    EXPECT_NE(values(layer("InnerProduct", str(fc, filler, " } }")), 8)[0], found);
+  }
+  expect_error<InputError>([&] { values(layer("InnerProduct", fc + "type: 'odd' } }")); },
+                           {"layer 'l' (InnerProduct): filler: expected one of", "'odd'"});
+}
+
+TEST_F(NetTest, WarnsOfABatchNormWithoutCorrectionAndOfNetsThatEndInSilence) {
+  write_file(prototxt(),
+             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: "
+             "[1, 1, 1, 2] } } } layer { name: 'conv' type: 'BatchNorm' bottom: 'data' "
+             "top: 'bn' blobs { shape { dim: 1 } data: 5 } blobs { shape { dim: 1 } "
+             "data: 1 } blobs { shape { dim: 1 } data: 0 } } layer { type: 'Silence' "
+             "bottom: 'bn' }");
+  const auto warnings = Net::load_without_weights(prototxt()).warnings();
+  ASSERT_EQ(warnings.size(), 2U);
+  EXPECT_HAS(warnings[0], "no output, because Silence layers read 'bn'; end names");
+  EXPECT_HAS(warnings[1], "'conv' (BatchNorm): its correction (blob 2) is 0");
+  EXPECT_EQ(Net::load_without_weights(prototxt(), {.end = "bn"}).outputs(),
+            std::vector<std::string>{"bn"});
+}
+
 }  // namespace
 }  // namespace revisit::engine

@@ -346,5 +346,19 @@ TEST_F(RegionNet, RowsMayFoldIntoOtherAxesAndBack) {
   EXPECT_EQ(run.output("back").shape, (Shape{run.output("prob").shape[0], 12, 9}));
 }
 
+/// As the Proposal of Python, with the anchor (0, 0, 1, 1) given.
+TEST(FrcnnProposal, HasGivenAnchors) {
+  auto l = proposer_of_python();
+  const auto wanted = run_layer(l)[0].values;
+  l.type = "FrcnnProposal";
+  l.param = "proposal_param { feat_stride: 4 min_size: 2 anchor: [0, 0, 1, 1] }";
+  EXPECT_EQ(run_layer(l)[0].values, wanted);
+  const std::vector<Shape> inputs{Shape{1, 2, 1, 2}, Shape{1, 4, 1, 2}, Shape{1, 3}};
+  expect_rejected("FrcnnProposal", "", inputs, {"in the JSON file", "anchor: -84"});
+  for (const auto& [param, part] : {std::pair{"anchor: [0, 0, 1]", "4 numbers for each"},
+                                    {"anchor: [0, 0, 1, 1] ratio: 1", "not both"}})
+    expect_rejected("FrcnnProposal", str("proposal_param { ", param, " }"), inputs, {part});
+}
+
 }  // namespace
 }  // namespace revisit::engine

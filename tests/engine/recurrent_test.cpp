@@ -291,5 +291,37 @@ TEST(Recurrent, RejectsInvalidParameters) {
       {"state", "1x3x2", "3x2"});
 }
 
+TEST(ContinuationIndicator, IsZeroAtTheFirstStep) {
+  const std::string param = "continuation_indicator_param { time_step: 3 batch_size: 2 }";
+  const auto found = run_layer({"ContinuationIndicator", param, {}});
+  EXPECT_EQ(found[0].shape, (Shape{3, 2}));
+  EXPECT_EQ(found[0].values, (std::vector<float>{0, 0, 1, 1, 1, 1}));
+  expect_rejected("ContinuationIndicator", "continuation_indicator_param { time_step: 3 }", {},
+                  {"batch_size must be given"});
+}
+
+/// Two sequences of 4 steps and 3 classes; the second ends after 2.
+TEST(CtcGreedyDecoder, ByHand) {
+  test::SingleLayer l{"CTCGreedyDecoder",
+                      "",
+                      {{Shape{4, 2, 3}, {.1F, .8F, .1F, .9F, .1F, 0, .1F, .7F, .2F, 0, .4F, .6F,
+                                         .1F, 0,   .9F, 1,   0,   0, 0,   1,   0,   1, 0,   0}},
+                       {Shape{4, 2}, {0, 0, 1, 1, 1, 0, 1, 1}}}};
+  l.n_outputs = 2;
+  const auto found = run_layer(l);
+  EXPECT_EQ(found[0].shape, (Shape{4, 2, 1, 1}));
+  EXPECT_EQ(found[0].values, (std::vector<float>{1, 0, 1, -1, -1, -1, -1, -1}));
+  expect_near(found[1].values, {-3.4F, -1.5F}, 1e-6F);
+  l.n_outputs = 1;
+  l.param = "ctc_decoder_param { blank_index: 0 ctc_merge_repeated: false }";
+  EXPECT_EQ(run_layer(l)[0].values, (std::vector<float>{1, 2, 1, -1, 2, -1, 1, -1}));
+  l.inputs.pop_back();
+  EXPECT_EQ(run_layer(l)[0].values, (std::vector<float>{1, 2, 1, -1, 2, -1, 1, -1}));
+  expect_rejected("CTCGreedyDecoder", "ctc_decoder_param { blank_index: 3 }", {Shape{4, 2, 3}},
+                  {"blank_index 3", "3 classes"});
+  expect_rejected("CTCGreedyDecoder", "", {Shape{4, 2}}, {"steps x sequences x classes"});
+  expect_rejected("CTCGreedyDecoder", "", {Shape{4, 2, 3}, Shape{3, 2}}, {"4 x 2"});
+}
+
 }  // namespace
 }  // namespace revisit::engine

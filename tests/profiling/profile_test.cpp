@@ -14,6 +14,9 @@ TEST(Profile, OrderStatistics) {
   EXPECT_EQ(timing.median, 50.5);
   EXPECT_EQ(timing.p95, 95);
   EXPECT_EQ(summarize({7}).p95, 7);
+  EXPECT_GE(timing.confidence, 0.99);
+  EXPECT_EQ(summarize({7}).confidence, 0);
+  EXPECT_NEAR(summarize({3, 1, 2}).confidence, 0.75, 1e-9);  // that not all are on one side
 }
 
 TEST(Profile, TimesEveryLayerAndTheWhole) {

@@ -163,5 +163,22 @@ TEST(Graph, RefusesDanglingAndDoublyWrittenBlobs) {
       {"'b'", "already written"});
 }
 
+TEST(Graph, TheEndMayBeABlob) {
+  const std::string net =
+      "layer { name: 'in' type: 'Input' top: 'data' }"
+      "layer { name: 'first' type: 'ReLU' bottom: 'data' top: 'x' }"
+      "layer { name: 'crop' type: 'ReLU' bottom: 'x' top: 'x' }"
+      "layer { name: 'crop' type: 'Slice' bottom: 'x' top: 'a' top: 'b' }";
+  const Graph graph = prune(parse_text(net), "x", "");
+  EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "first", "crop"}));  // its last value
+  EXPECT_EQ(graph.outputs[0].first, "x");
+  EXPECT_EQ(names(prune(parse_text(net), "data", "first")).back(), "data+first");
+  expect_error<UsageError>([&] { prune(parse_text(net), "crop", ""); },
+                           {"2 layers have the name 'crop'", "'crop' (ReLU), which writes 'x'",
+                            "'crop' (Slice), which writes 'a', 'b'", "the name of a blob"});
+  expect_error<UsageError>([&] { prune(parse_text(net), "dara", ""); },
+                           {"no layer or blob 'dara'", "'data'"});
+}
+
 }  // namespace
 }  // namespace revisit::proto

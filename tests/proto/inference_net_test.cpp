@@ -285,5 +285,50 @@ TEST(InferenceNet, OtherLayersInPythonStay) {
     EXPECT_EQ(parse_net(net, "net", options).net.layer(0).type(), "Python");
 }
 
+TEST(InferenceNet, LayersOfForksThatReadDataBecomeInputs) {
+  const std::string fc = "layer { name: 'fc' type: 'InnerProduct' bottom: 'data' top: 'fc' }";
+  const std::string input = "layer { name: 'd' type: 'Input' top: 'data' ";
+  const std::string shape = "input_param { shape { dim: [1, 3, 9, 9] } }";
+  for (const char* layer :
+       {"layer { name: 'd' type: 'Python' top: 'data' python_param { module: 'm' layer: 'L' } }",
+        "layer { name: 'd' type: 'ImageDataRGB' top: 'data' image_data_param { a_field: 3 } }",
+        "layer { name: 'd' type: 'MolGridData' top: 'data' }"})
+    EXPECT_HAS(expect_net(layer + fc, input + "}" + fc).at(0), "is now the input 'data', of unkn");
+  EXPECT_HAS(expect_net("layers { name: 'd' type: VIDEO_DATA top: 'data' top: 'label' } layers { "
+                        "name: 'fc' type: INNER_PRODUCT bottom: 'data' top: 'fc' } layers { "
+                        "type: SOFTMAX_LOSS bottom: 'fc' bottom: 'label' }",
+                        input + "}" + fc +
+                            "layer { name: 'prob' type: 'Softmax' bottom: 'fc' top: "
+                            "'prob' }")
+                 .at(0),
+             "'d' (VideoData) is now the input 'data'");
+  const std::string given = "layer { name: 'd' type: 'Data' top: 'data' " + shape + " }" + fc;
+  EXPECT_HAS(expect_net(given, input + shape + "}" + fc).at(0), "1x3x9x9 (from its input_param)");
+  EXPECT_EQ(
+      parse_net("layer { name: 'd' type: 'Python' top: 'data' }", "net", {.keep_python = true})
+          .net.layer(0)
+          .type(),
+      "Python");
+}
+
+TEST(InferenceNet, DataOfAnotherPhaseStaysIfNothingElseWritesIt) {
+  const std::string fc = "layer { name: 'fc' type: 'InnerProduct' bottom: 'data' top: 'fc' }";
+  const std::string train = " include { phase: TRAIN } }";
+  const auto warnings =
+      expect_net("layer { name: 'd' type: 'Data' top: 'data' top: 'unused'" + train + fc,
+                 "layer { name: 'd' type: 'Input' top: 'data' }" + fc);
+  EXPECT_HAS(warnings.at(0), "'d' (Data) is kept, although its rules drop it in phase TEST");
+  expect_net("layer { name: 'd' type: 'Data' top: 'data' top: 'unused'" + train + kInput + fc,
+             kInput + fc);
+  const NetFile file =
+      parse_net(kInput + "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'x'" + train +
+                    "layer { name: 'fc' type: 'InnerProduct' bottom: 'x' top: 'fc' }",
+                "net");
+  Graph graph = resolve(file.net);
+  graph.dropped = file.dropped;
+  expect_error<InputError>([&] { prune(graph, "", ""); },
+                           {"'x' is not written", "'r' (ReLU) writes it", "phase TEST"});
+}
+
 }  // namespace
 }  // namespace revisit::proto

@@ -3,7 +3,9 @@
 #include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/util/message_differencer.h>
 
+#include "revisit/base/text.h"
 #include "testing.h"
+#include "wire_bytes.h"
 
 namespace revisit::proto {
 namespace {
@@ -359,6 +361,39 @@ TEST(NetFile, TheSchemaIsAFileDescriptor) {
   EXPECT_EQ(schema.package(), "revisit.caffe");
   EXPECT_TRUE(std::ranges::any_of(
       schema.message_type(), [](const auto& message) { return message.name() == "NetParameter"; }));
+}
+
+TEST(NetFile, FieldsWithoutEffectAndOfQuantization) {
+  const std::string net =
+      "eltwise_mem_sharing: false mem_param { optimize_test: true } layer { name: 'c' type: 'ReLU' "
+      "strict_dim: false quantization_param { bw_layer_in: 8 } }";
+  const NetFile file = parse_net(net, "net");
+  ASSERT_EQ(file.warnings.size(), 4U);
+  for (const char* part : {"eltwise_mem_sharing", "mem_param", "strict_dim"})
+    EXPECT_HAS(joined(file.warnings, "\n"), part);
+  EXPECT_HAS(joined(file.warnings, "\n"), "the layer is computed in float32");
+}
+
+TEST(NetFile, WrongDownloadsAndTruncatedFilesAreNamed) {
+  for (const auto& [text, part] : std::vector<std::pair<std::string, std::string>>{
+           {"<!DOCTYPE html>\n<html></html>", "net: is a web page; download the file itself"},
+           {"version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "is a Git LFS pointer"},
+           {"layers { type: INTERP }\nlayers {\n", "net:3:1: is not closed or not well-formed"}})
+    expect_error<InputError>([&] { parse_net(text, "net"); }, {part});
+}
+
+/// Forks give the number 149 to other types; the engine's reader skips it.
+TEST(NetFile, FieldsOfOtherForksInBinaryNetsAreSkipped) {
+  const TempDir dir;
+  const std::string layer = bytes_field(1, "c") + bytes_field(149, "Ternary");
+  write_file(dir / "n", bytes_field(1, "n") + bytes_field(100, layer) + bytes_field(2, "\x22\1v"));
+  expect_error<InputError>([&] { read_net_binary(dir / "n"); }, {"both V1 `layers` and V2"});
+  write_file(dir / "n", bytes_field(1, "n") + bytes_field(100, layer));
+  const NetFile file = read_net_binary(dir / "n");
+  EXPECT_EQ(file.net.layer(0).name(), "c");
+  EXPECT_HAS(file.warnings.at(0), "layer 'c': skipped the fields 149");
+  EXPECT_EQ(readable_net(bytes_field(100, layer)), bytes_field(100, bytes_field(1, "c")));
+  expect_error<InputError>([&] { readable_net("\xff"); }, {"cannot parse"});
 }
 
 }  // namespace

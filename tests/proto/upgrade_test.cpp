@@ -225,15 +225,55 @@ TEST(UpgradeV1, SoManyCropsAreNotAligned) {
 }
 
 TEST(Upgrade, CropsWithoutOffsetMayBeOfFcn) {
-  const NetFile file = expect_upgrade(
-      "layer { name: 'data' type: 'Input' top: 'data' } layer { name: 'c' type: 'Convolution' "
-      "bottom: 'data' top: 'c' convolution_param { kernel_size: 3 pad: 35 } } layer { name: 'up' "
-      "type: 'Crop' bottom: 'c' bottom: 'data' top: 'up' }",
-      "layer { name: 'data' type: 'Input' top: 'data' } layer { name: 'c' type: 'Convolution' "
-      "bottom: 'data' top: 'c' convolution_param { kernel_size: 3 pad: 35 } } layer { name: 'up' "
-      "type: 'Crop' bottom: 'c' bottom: 'data' top: 'up' }");
-  ASSERT_EQ(file.warnings.size(), 1U);
-  EXPECT_HAS(file.warnings[0], "{ offset: 34 offset: 34 }");
+  const auto net = [](const std::string& crop) {
+    return "layer { name: 'data' type: 'Input' top: 'data' } layer { name: 'c' type: 'Convolution' "
+           "bottom: 'data' top: 'c' convolution_param { kernel_size: 3 pad: 35 } } layer { name: "
+           "'up' type: 'Crop' bottom: 'c' bottom: 'data' top: 'up' " +
+           crop + " }";
+  };
+  EXPECT_EQ(upgrade_error(net("")),
+            "net: layer 'up' (Crop): has no crop_param: forks of FCN and HED compute the offset, "
+            "Caffe starts at 0; add crop_param { axis: 2 offset: 34 offset: 34 } for theirs, or "
+            "crop_param { axis: 2 offset: 0 } for Caffe's");
+  expect_upgrade(net("crop_param { axis: 2 offset: 0 }"), net("crop_param { axis: 2 offset: 0 }"));
+  EXPECT_HAS(
+      parse_net(net(""), "net", {.allow_unknown_fields = true}).warnings.at(0),
+      "starts at the first pixel, as in Caffe; forks of FCN and HED compute crop_param { axis: "
+      "2 offset: 34 offset: 34 }");
+}
+
+/// C3D v1.0 (V1 types) and v1.1, and lists of V2.
+TEST(Upgrade, VolumesAreConvolutionsAndPoolings) {
+  const std::string conv =
+      "layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' convolution_param { "
+      "num_output: 4 kernel_size: [2, 3, 3] stride: [1, 2, 2] pad: [1, 0, 0] } }";
+  const std::string pool =
+      "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { kernel_size: 2 "
+      "stride: 2 kernel_size_nd: [1, 2, 2] stride_nd: [1, 2, 2] } }";
+  const std::string c_param =
+      "num_output: 4 kernel_size: 3 kernel_depth: 2 stride: 2 temporal_pad: 1 filter_group: 2";
+  const std::string p_param = "kernel_size: 2 kernel_depth: 1 stride: 2";
+  expect_upgrade(
+      "layers { name: 'c' type: CONVOLUTION3D bottom: 'data' top: 'c' "
+      "convolution_param { " +
+          c_param +
+          " } } layers { name: 'p' type: POOLING3D "
+          "bottom: 'c' top: 'p' pooling_param { " +
+          p_param + " } }",
+      conv + pool);
+  expect_upgrade(
+      "layer { name: 'c' type: 'Convolution3D' bottom: 'data' top: 'c' "
+      "convolution3d_param { " +
+          c_param +
+          " } } layer { name: 'p' type: 'Pooling3D' "
+          "bottom: 'c' top: 'p' pooling3d_param { " +
+          p_param + " } }",
+      conv + pool);
+  expect_upgrade(
+      "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
+      "kernel_size: 1 kernel_size: 2 kernel_size: 2 stride: 2 } }",
+      "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
+      "kernel_size: 1 stride: 2 kernel_size_nd: [1, 2, 2] } }");
 }
 
 TEST(UpgradeV1, EveryTypeHasItsName) {

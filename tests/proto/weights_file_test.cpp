@@ -195,15 +195,28 @@ TEST(WeightsFile, ReadsRequestedLayersOnly) {
   EXPECT_LT(file->bytes_read() - before, kValues * sizeof(float) + 10'000);
 }
 
+TEST(BlobEncoding, VolumesOfC3dHaveNumbersOfTheirOwn) {
+  std::string sizes;
+  for (const uint32_t number : {1, 2, 3, 4, 5}) sizes += varint_field(number, number == 3 ? 3 : 1);
+  const std::string data = bytes_field(6, raw<float>({1, 2, 3}));
+  const Blob blob = decode(sizes + data);
+  EXPECT_EQ(blob.shape, (std::vector<int64_t>{1, 1, 3, 1, 1}));
+  EXPECT_EQ(blob.data, (std::vector<float>{1, 2, 3}));
+  EXPECT_TRUE(blob.legacy_shape);
+}
+
 TEST(WeightsFile, ThingsThatAreNoCaffemodel) {
   EXPECT_EQ(open_error(""), "is empty, expected a caffemodel");
   EXPECT_EQ(open_error(bytes_field(1, "a net")), "holds no layers, expected a caffemodel");
-  for (const char* text :
-       {"name: \"AlexNet\"\nlayer { name: \"data\" }\n", "<!DOCTYPE html>\r\n<html>\t</html>",
-        "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
-        "i 12345678"}) {
+  const std::string lfs = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\n";
+  for (const std::string& text :
+       {std::string("name: \"AlexNet\"\nlayer { name: \"data\" }\n"), std::string("i 12345678")})
     contains(open_error(text), "is text, expected a binary caffemodel");
-  }
+  contains(open_error("\n<!DOCTYPE html>\r\n<html>\t</html>"), "is a web page; download");
+  contains(open_error(lfs), "is a Git LFS pointer; fetch the file itself: git lfs pull");
+  const TempDir other;
+  write_file(other / "m", lfs);
+  contains(message_of<InputError>([&] { read_binaryproto(other / "m"); }), "a Git LFS pointer");
   contains(open_error(bytes_field(100, "") + bytes_field(2, "")),
            "both V1 `layers` and V2 `layer`");
   contains(open_error(bytes_field(100, bytes_field(1, std::string(100'000, 'x')))),

@@ -5,6 +5,7 @@ import unittest
 from pathlib import Path
 
 import numpy as np
+from google.protobuf.message import DecodeError
 
 import caffe_needs  # noqa: F401
 
@@ -262,6 +263,18 @@ class Messages(unittest.TestCase):
         self.assertEqual(solver.solver_mode, caffe_pb2.SolverParameter.CPU)
         self.assertEqual((caffe_pb2.TRAIN, caffe_pb2.TEST), (0, 1))
         self.assertEqual(caffe_pb2.NetParameter.DESCRIPTOR.full_name, 'caffe.NetParameter')
+
+    def test_nets_of_other_forks(self):
+        """Number 149 is a message here, and a word in another fork."""
+        layer = caffe_pb2.LayerParameter(name='c', type='ReLU').SerializeToString() + b'\xaa\x09\x07Ternary'
+        data = b'\xa2\x06' + bytes([len(layer)]) + layer
+        net = caffe_pb2.NetParameter.FromString(data)
+        self.assertEqual([each.name for each in net.layer], ['c'])
+        again = caffe_pb2.NetParameter()
+        again.ParseFromString(data)
+        self.assertEqual(again, net)
+        with self.assertRaises(DecodeError):
+            again.ParseFromString(b'\xff')
 
     def test_beside_an_original_caffe(self):
         from google.protobuf import descriptor_pb2, descriptor_pool

@@ -283,6 +283,8 @@ class Check {
                                           "Accuracy",
                                           "DetectionOutput",
                                           "Proposal",
+                                          "FrcnnProposal",
+                                          "CTCGreedyDecoder",
                                           "BoxOutput",
                                           "BoxGroupOutput",
                                           "YoloDetectionOutput",

@@ -212,7 +212,9 @@ void rows_lstm(Builder& b, const char* type) {
 
 void batch_norm(Builder& b, const char* type) {
   b.add(type, {b.of_rank(2)},
-        b.random.chance(0.8) ? "" : "batch_norm_param { use_global_stats: false }");
+        b.random.chance(0.6)   ? ""
+        : b.random.chance(0.5) ? "batch_norm_param { scale_bias: true }"
+                               : "batch_norm_param { use_global_stats: false }");
 }
 
 /// Fields of PSPNet, or of SegNet with stored or batch statistics.
@@ -248,7 +250,7 @@ void softmax(Builder& b, const char* type) {
 }
 
 void pooling(Builder& b, const char* type) {
-  const size_t x = b.of_rank(4, 4);
+  const size_t x = b.of_rank(4, 5);
   const bool max = b.random.chance(0.7);
   std::string text = max ? "pool: MAX " : "pool: AVE ";
   if (b.random.chance(0.2)) {
@@ -319,6 +321,32 @@ void proposal(Builder& b, const char* type) {
       b.random.chance(0.3) ? 2 : 1);
   if (b.random.chance(0.7))
     compute_rows(b, pool_regions(b, "ROIPooling", b.of_rank(4, 4), regions));
+}
+
+void frcnn_proposal(Builder& b, const char* type) {
+  const Size h{b.random.between(1, 4)}, w{b.random.between(1, 4)};
+  const size_t scores = extra_input(b, {{{1}, {4}, h, w}}),
+               offsets = extra_input(b, {{{1}, {8}, h, w}});
+  const size_t image = b.add("DummyData", {},
+                             "dummy_data_param { shape { dim: 1 dim: 3 } "
+                             "data_filler { value: 12 } }");
+  b.add(type, {scores, offsets, image},
+        str("proposal_param { feat_stride: 3 min_size: ", b.random.between(0, 1),
+            " anchor: [-2, -2, 5, 6, 0, 0, 3, 3] post_nms_topn: ", b.random.between(1, 9), " }"));
+}
+
+void continuation_indicator(Builder& b, const char* type) {
+  b.add(type, {},
+        str("continuation_indicator_param { time_step: ", b.random.between(1, 5),
+            " batch_size: ", b.random.between(1, 3), " }"));
+}
+
+void ctc_greedy_decoder(Builder& b, const char* type) {
+  const size_t x = b.pick([](const Value& v) { return v.exact && v.shape.rank() == 3; });
+  b.add(type, {x},
+        str("ctc_decoder_param { blank_index: ", b.random.between(-1, 0),
+            " ctc_merge_repeated: ", flag(b), " }"),
+        b.random.chance(0.5) ? 2 : 1);
 }
 
 void reduction(Builder& b, const char* type) {
@@ -815,10 +843,12 @@ const std::vector<LayerMaker>& layer_makers() {
       {"BoxOutput", 1, box_output},
       {"Clip", 2, clip},
       {"Concat", 16, concat},
+      {"ContinuationIndicator", 1, continuation_indicator},
       {"Convolution", 30, convolution},
       {"ConvolutionDepthwise", 2, convolution_depthwise},
       {"Crop", 2, crop},
       {"CropCenter", 1, crop_center},
+      {"CTCGreedyDecoder", 1, ctc_greedy_decoder},
       {"DecodeBBox", 1, decode_bbox},
       {"Deconvolution", 3, convolution},
       {"DepthwiseConvolution", 3, depthwise_convolution},
@@ -833,6 +863,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Filter", 1, filter},
       {"Flatten", 3, flatten},
       {"Flip", 1, flip},
+      {"FrcnnProposal", 1, frcnn_proposal},
       {"Im2col", 1, im2col},
       {"InnerProduct", 3, inner_product},
       {"Interp", 2, interp},

@@ -433,7 +433,7 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
           "--net '" + file + "'");
   refused(3, "none.prototxt: cannot open", "--net " + r + "/none.prototxt");
   refused(2, "did you mean 'alexnet'?", "--net alexnt");
-  refused(2, "has no layer 'conv'", "--end conv");
+  refused(2, "has no layer or blob 'conv'", "--end conv");
 }
 
 TEST(ModelsCommand, EndTruncatesAnyPrototxt) {

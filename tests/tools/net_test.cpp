@@ -387,10 +387,28 @@ TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlaceAndUnsupportedLayers4) {
                  "bad.npy");
 }
 
+TEST_F(NetCommand, NetsThatEndInSilenceNeedAnEnd) {
+  write_file(dir_ / "silent.prototxt",
+             std::string(kNet) + "layer { type: 'Silence' bottom: 'a/pool' }");
+  const std::string silent = path("silent.prototxt") + " " + path("net.caffemodel");
+  expect_failure(2, forward(silent), "the net has no output: name the blob to output, with --end");
+  run_ok(forward(silent, " --end a/pool"));
+  run_ok(forward(silent, " --all"));
+}
+
+TEST_F(NetCommand, InspectCountsABatchAndTheFile) {
+  const std::string text = run_ok("net inspect " + model() + " --input-shape 10x1x4x4").out;
+  EXPECT_HAS(text, " GMACs for a batch of 10, ");
+  EXPECT_HAS(text, " per image");
+  EXPECT_EQ(run_ok("net inspect " + model()).out.find("batch"), std::string::npos);
+  const std::string report = run_ok("net inspect --format json " + model()).out;
+  EXPECT_HAS(report, str("\"weight_bytes_read\": ", fs::file_size(dir_ / "net.caffemodel")));
+}
+
 TEST_F(NetCommand, NamesOfFilesAndLayersStayAsTheyAreInMessages) {
   fs::rename(dir_ / "net.prototxt", dir_ / "Limits::layers");
   expect_failure(2, "net inspect --end LoadOptions::end " + path("Limits::layers"),
-                 "end: the net 'small' has no layer 'LoadOptions::end'");
+                 "end: the net 'small' has no layer or blob 'LoadOptions::end'");
   expect_failure(
       3, "net inspect --limit layers=3 " + path("Limits::layers"),
       "Limits::layers: has 4 layers, more than the limit of 3 (raise the limit of layers)");

@@ -23,12 +23,15 @@ class Fold(ConversionTest):
             'in place': layer('bn', 'BatchNorm', 'conv', 'conv') + layer('sc', 'Scale', 'conv', 'conv', scale),
             'own blobs': layer('bn', 'BatchNorm', 'conv', 'b') + layer('sc', 'Scale', 'b', 's', scale),
             'norm alone': layer('bn', 'BatchNorm', 'conv', 'b'),
+            'scale and bias': layer('bn', 'BatchNorm', 'conv', 'b', 'batch_norm_param { scale_filler { value: 1 } }'),
         }
         for start, arrays in (conv, [numbers(4, 3, 3, 3)]), (product, [numbers(3 * 6 * 7, 4), numbers(4)]):
             for name, text in followers.items():
                 with self.subTest(name, start=start):
                     blobs = {'conv': arrays, 'bn': NORM} | ({'sc': SCALE} if 'Scale' in text else {})
-                    last = {'in place': 'conv', 'own blobs': 's', 'norm alone': 'b'}[name]
+                    if name == 'scale and bias':
+                        blobs['bn'] = NORM + SCALE
+                    last = {'in place': 'conv', 'own blobs': 's'}.get(name, 'b')
                     printed, folded = self.fold(input_layer(2, 3, 6, 7) + start + text + layer('relu', 'ReLU', last), blobs)
                     self.assertEqual(list(folded), ['conv'])
                     self.assertIn('checked: folded and original', printed)

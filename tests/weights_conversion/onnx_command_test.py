@@ -30,7 +30,7 @@ class Command(ConversionTest):
         self.assertEqual(self.outputs('--end', 'conv1'), ['conv1'])
         self.assertEqual(self.outputs('--end', 'relu1'), ['relu1'])
         self.assertEqual(self.outputs('--end', 'conv1+pool'), ['conv1+pool'])
-        self.refused(2, "has no layer 'conv3' (did you mean 'conv", 'onnx', self.prototxt, self.model, self.onnx, '--end', 'conv3')
+        self.refused(2, "has no layer or blob 'conv3' (did you mean 'conv", 'onnx', self.prototxt, self.model, self.onnx, '--end', 'conv3')
         self.refused(2, "has no layer 'pol' (did you mean 'pool'?)", 'onnx', self.prototxt, self.model, self.onnx,
                      '--end', 'conv1+pol')
 

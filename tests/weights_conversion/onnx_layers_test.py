@@ -50,6 +50,8 @@ LAYERS = {
     'numbers that are their own mean': ((2, 3), 'MVN', '', []),
     'statistics of the batch': ((3, 2, 4, 5), 'BatchNorm', 'batch_norm_param { use_global_stats: false }',
                                 [numbers(2), numbers(2), numbers(1)]),
+    'scale and bias of nvidia': ((3, 2, 4, 5), 'BatchNorm', 'batch_norm_param { scale_bias: true eps: 1e-7 }',
+                                 [numbers(2), numbers(2, seed=1) ** 2, np.float32([9]), numbers(2, seed=3), numbers(2, seed=4)]),
     'bn of pspnet': ((2, 3, 4, 5), 'BN', 'bn_param { eps: 0.1 }', [numbers(1, 3, 1, 1, seed=seed) ** 2 for seed in range(4)]),
     'bn of segnet': ((2, 3, 4, 5), 'BN', 'bn_param { bn_mode: INFERENCE }', [numbers(1, 3, 1, 1), numbers(1, 3, 1, 1, seed=1)]),
     'bn of the batch': ((2, 3, 4, 5), 'BN', 'bn_param { bn_mode: LEARN }', [numbers(1, 3, 1, 1), numbers(1, 3, 1, 1, seed=1)]),

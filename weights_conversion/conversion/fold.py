@@ -7,7 +7,7 @@ from google.protobuf import text_format
 
 from . import compare, engine, files, weights
 from revisit.errors import InputError, UnsupportedError
-from .graph import is_of_batch, resolve
+from .graph import is_of_batch, resolve, statistics
 
 
 def convert(options):
@@ -101,9 +101,9 @@ def _affine(layer, blobs):
     p = layer.message.batch_norm_param
     if is_of_batch(layer.message):
         return None
-    factor = 0 if arrays[2][0] == 0 else 1 / arrays[2][0]
-    deviation = np.sqrt(arrays[1] * factor + p.eps)
-    return 1 / deviation, -arrays[0] * factor / deviation
+    mean, variance, scale, bias, eps = statistics(p, arrays)
+    factor = scale / np.sqrt(variance + eps)
+    return factor, bias - mean * factor
 
 
 def _apply(layer, blobs, factor, shift):

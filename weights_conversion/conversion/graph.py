@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from revisit import engine, proto
 
 from revisit.errors import UnsupportedError
@@ -46,7 +48,21 @@ def is_of_batch(message):
     """Whether a BatchNorm layer uses the statistics of the current batch."""
     p = message.batch_norm_param
     in_training = message.HasField('phase') and message.phase == 0  # TRAIN
-    return not p.use_global_stats if p.HasField('use_global_stats') else in_training
+    return not p.use_global_stats if p.HasField('use_global_stats') and not has_scale(p) else in_training
+
+
+def has_scale(p):
+    """Whether a BatchNormParameter is of NVIDIA's fork, with a trained scale and bias."""
+    return p.scale_bias or p.HasField('scale_filler') or p.HasField('bias_filler')
+
+
+def statistics(p, blobs):
+    """Returns mean, variance, scale, bias and eps of a BatchNorm with stored statistics. blobs: its flat arrays."""
+    if has_scale(p):
+        return blobs[0], blobs[1], blobs[3], blobs[4], max(p.eps, 1e-5)  # cuDNN's least eps
+    factor = blobs[2].dtype.type(0 if blobs[2][0] == 0 else 1 / blobs[2][0])  # 0: no statistics
+    ones = np.ones_like(blobs[0])
+    return factor * blobs[0], factor * blobs[1], ones, np.zeros_like(ones), p.eps
 
 
 def resolve(net, end='', graft=''):

@@ -14,22 +14,30 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-/// Rank i, from 0, of the lower bound: the largest i such that sample i of n exceeds the median
-/// with a probability of at most 0.5 %. This is the probability of at most i heads in n tosses
-/// (David and Nagaraja: Order Statistics, 7.1). Returns 0 if even the minimum exceeds it more
-/// often.
-size_t rank_below_median(size_t n) {
+/// Probability of `heads` heads in n tosses: that so many of n samples are below the median.
+double probability_of_heads(size_t heads, size_t n) {
+  const auto k = static_cast<double>(heads), tosses = static_cast<double>(n);
+  return std::exp(std::lgamma(tosses + 1) - std::lgamma(k + 1) - std::lgamma(tosses - k + 1) -
+                  tosses * std::log(2.0));
+}
+
+struct MedianRank {
+  size_t rank;        // from 0, of the lower bound
+  double confidence;  // that the median is between it and its twin from the end
+};
+
+/// The largest rank such that its sample exceeds the median with a probability of at most 0.5 %
+/// (David and Nagaraja: Order Statistics, 7.1), or 0 if even the minimum exceeds it more often.
+MedianRank rank_below_median(size_t n) {
   constexpr double kOnOneSide = 0.005;
-  const auto tosses = static_cast<double>(n);
-  double probability = 0;
-  size_t heads = 0;
-  for (; heads < n; ++heads) {
-    const auto k = static_cast<double>(heads);
-    probability += std::exp(std::lgamma(tosses + 1) - std::lgamma(k + 1) -
-                            std::lgamma(tosses - k + 1) - tosses * std::log(2.0));
-    if (probability > kOnOneSide) break;
+  double outside = probability_of_heads(0, n);
+  size_t rank = 0;
+  for (double next = outside; rank + 1 < n; ++rank) {
+    next += probability_of_heads(rank + 1, n);
+    if (next > kOnOneSide) break;
+    outside = next;
   }
-  return heads > 0 ? heads - 1 : 0;
+  return {rank, 1 - 2 * outside};
 }
 
 }  // namespace
@@ -38,9 +46,13 @@ Timing summarize(std::vector<double> samples) {
   std::sort(samples.begin(), samples.end());
   const size_t n = samples.size();
   const auto rank95 = static_cast<size_t>(std::ceil(0.95 * static_cast<double>(n)));
-  const size_t low = rank_below_median(n);
-  return {samples.front(), (samples[(n - 1) / 2] + samples[n / 2]) / 2,
-          samples[std::max<size_t>(rank95, 1) - 1], samples[low], samples[n - 1 - low]};
+  const auto [low, confidence] = rank_below_median(n);
+  return {samples.front(),
+          (samples[(n - 1) / 2] + samples[n / 2]) / 2,
+          samples[std::max<size_t>(rank95, 1) - 1],
+          samples[low],
+          samples[n - 1 - low],
+          std::max(confidence, 0.0)};
 }
 
 Profile profile(engine::Run& run, int warmup, int repeat, const std::function<bool()>& stop) {

@@ -43,29 +43,34 @@ Box clipped(const Box& box) {
           std::clamp(box.xmax, 0.F, 1.F), std::clamp(box.ymax, 0.F, 1.F)};
 }
 
+/// `first`: locations that move the priors before, or null.
 void decode_boxes(const DetectionProblem& p, const float* locations, const float* priors,
-                  Box* boxes) {
+                  const float* first, Box* boxes) {
   constexpr float kApplied[4] = {1, 1, 1, 1};
   const int64_t per_prior = location_classes(p);
   for (int64_t i = 0; i < p.priors; ++i) {
     const float* prior = priors + 4 * i;
     const float* variance = p.variance_in_target ? kApplied : priors + 4 * (p.priors + i);
+    Box moved{prior[0], prior[1], prior[2], prior[3]};
+    if (first) moved = decode_box(moved, variance, first + 4 * i, p.code);
     for (int64_t c = 0; c < per_prior; ++c) {
-      const Box box = decode_box({prior[0], prior[1], prior[2], prior[3]}, variance,
-                                 locations + 4 * (i * per_prior + c), p.code);
+      const Box box = decode_box(moved, variance, locations + 4 * (i * per_prior + c), p.code);
       boxes[c * p.priors + i] = p.clip ? clipped(box) : box;
     }
   }
 }
 
-int64_t detect_in_image(const DetectionProblem& p, const float* confidences, const Scratch& s) {
+/// `first`: confidences of RefineDet's first stage, or null.
+int64_t detect_in_image(const DetectionProblem& p, const float* confidences, const float* first,
+                        const Scratch& s) {
   int64_t found = 0;
   for (int64_t label = 0; label < p.classes; ++label) {
     if (label == p.background) continue;
     const Box* boxes = s.boxes + (p.shared_locations ? 0 : label * p.priors);
     int64_t n = 0;
     for (int64_t i = 0; i < p.priors; ++i) {
-      const float score = confidences[i * p.classes + label];
+      float score = confidences[i * p.classes + label];
+      if (first && first[2 * i + 1] < p.objectness) score = label == 0 ? 1 : 0;
       if (score > p.confidence_threshold) s.candidates[n++] = {score, static_cast<int32_t>(i)};
     }
     const int64_t kept = suppress(s.candidates, n, boxes, p.top_k, p.overlap_threshold, p.eta);
@@ -145,12 +150,17 @@ int64_t DetectionProblem::scratch_floats() const {
 }
 
 int64_t detect(const DetectionProblem& p, const float* locations, const float* confidences,
-               const float* priors, float* output, float* scratch) {
+               const float* priors, const Refinement& first, float* output, float* scratch) {
   const Scratch s = divide(p, scratch);
+  const auto of_image = [&](const float* values, int64_t image, int64_t per_prior) {
+    return values ? values + image * p.priors * per_prior : nullptr;
+  };
   int64_t rows = 0;
   for (int64_t image = 0; image < p.images; ++image) {
-    decode_boxes(p, locations + image * p.priors * location_classes(p) * 4, priors, s.boxes);
-    const int64_t found = detect_in_image(p, confidences + image * p.priors * p.classes, s);
+    decode_boxes(p, locations + image * p.priors * location_classes(p) * 4, priors,
+                 of_image(first.locations, image, 4), s.boxes);
+    const int64_t found = detect_in_image(p, confidences + image * p.priors * p.classes,
+                                          of_image(first.confidences, image, 2), s);
     for (int64_t i = 0; i < found; ++i, ++rows) {
       const Detection& d = s.detections[i];
       const Box& box = s.boxes[(p.shared_locations ? 0 : d.label * p.priors) + d.box];

@@ -68,6 +68,7 @@ struct DetectionProblem {
   float overlap_threshold = 0.3F, eta = 1;
   int64_t top_k = -1;       // candidates per class; -1: all
   int64_t keep_top_k = -1;  // detections per image; -1: all
+  float objectness = 0;     // see Refinement
 
   int64_t detected_classes() const {
     return classes - (background >= 0 && background < classes ? 1 : 0);
@@ -77,11 +78,18 @@ struct DetectionProblem {
   int64_t scratch_floats() const;
 };
 
+/// RefineDet's first stage: confidences `[image][prior][2]`, and locations `[image][prior][4]` that
+/// move the prior boxes; both may be null. A prior box whose second confidence is below
+/// `objectness` has confidence 1 for class 0, and 0 for the others.
+struct Refinement {
+  const float *confidences = nullptr, *locations = nullptr;
+};
+
 /// Locations `[image][prior][class or one][4]`, confidences `[image][prior][class]`, priors
 /// `[2][prior][4]` (boxes, variances). Writes rows of image, class, score, xmin, ymin, xmax, ymax,
 /// ordered by image, class and score, and returns their number. Without any detection, writes one
 /// row per image: its index, then -1.
 int64_t detect(const DetectionProblem& problem, const float* locations, const float* confidences,
-               const float* priors, float* output, float* scratch);
+               const float* priors, const Refinement& first, float* output, float* scratch);
 
 }  // namespace revisit::engine

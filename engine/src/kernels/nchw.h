@@ -145,6 +145,15 @@ void max_pool(const PoolingProblem& problem, const float* input, float* output, 
 /// Mean of each window: padding counts as zeros, the area beyond it does not count.
 void average_pool(const PoolingProblem& problem, const float* input, float* output);
 
+/// Pooling of `planes` independent volumes `[depth][h][w]`, with the same rules.
+struct VolumePooling {
+  int64_t planes = 1;
+  WindowAxes axes;
+  int threads = 1;
+};
+void max_pool_volumes(const VolumePooling& problem, const float* input, float* output, float* mask);
+void average_pool_volumes(const VolumePooling& problem, const float* input, float* output);
+
 /// A recurrent layer over `steps` time steps of `streams` independent sequences: input
 /// `[steps][streams][input]`, output `[steps][streams][output]`. The state of stream n before step
 /// t is multiplied by `cont[t][n]`; 0 starts a new sequence.

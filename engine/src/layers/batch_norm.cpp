@@ -75,13 +75,17 @@ class BatchNormalization : public OneToOneLayer {
   bool of_batch_;
 };
 
-/// (x - mean) / sqrt(variance + eps).
+/// (x - mean) / sqrt(variance + eps). NVIDIA's fork can add a trained scale and bias; its
+/// statistics are then not divided, `use_global_stats` does nothing, and eps is at least cuDNN's.
 class BatchNorm : public BatchNormalization {
  public:
   explicit BatchNorm(const caffe::LayerParameter& param)
       : BatchNormalization("BatchNorm", "batch-norm", is_of_batch(param)),
+        has_scale_(has_scale(param.batch_norm_param())),
         eps_(param.batch_norm_param().eps()) {
-    const int n = std::min(param.param_size(), 3);
+    constexpr float kMinEpsOfCudnn = 1e-5F;
+    if (has_scale_) eps_ = std::max(eps_, kMinEpsOfCudnn);
+    const int n = has_scale_ ? 0 : std::min(param.param_size(), 3);
     for (int i = 0; i < n; ++i)
       if (param.param(i).lr_mult() != 0)
         throw InputError("statistics are not trainable: lr_mult of every `param` must be 0");
@@ -89,23 +93,33 @@ class BatchNorm : public BatchNormalization {
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
     const Shape channels{inputs[0][1]};
+    if (has_scale_) return {channels, channels, Shape{1}, channels, channels};
     return {channels, channels, Shape{1}};
   }
 
  private:
+  static bool has_scale(const caffe::BatchNormParameter& own) {
+    return own.scale_bias() || own.has_scale_filler() || own.has_bias_filler();
+  }
+
   static bool is_of_batch(const caffe::LayerParameter& param) {
     const caffe::BatchNormParameter& own = param.batch_norm_param();
-    return own.has_use_global_stats() ? !own.use_global_stats() : is_for_training(param);
+    return own.has_use_global_stats() && !has_scale(own) ? !own.use_global_stats()
+                                                         : is_for_training(param);
   }
 
   std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const override {
     // The file stores sums, with a common weight in the third blob; 0 means no samples.
     const float weight = weights[2].values.empty() ? 0 : weights[2].values[0];
-    const float factor = weight == 0 ? 0 : 1 / weight;
+    const float factor = has_scale_ ? 1 : weight == 0 ? 0 : 1 / weight;
     std::vector<ChannelNorm> norms;
-    for (size_t c = 0; c < weights[0].values.size(); ++c)
+    for (size_t c = 0; c < weights[0].values.size(); ++c) {
       norms.push_back({.mean = factor * weights[0].values[c],
                        .deviation = std::sqrt(factor * weights[1].values[c] + eps_)});
+      if (!has_scale_) continue;
+      norms.back().factor = weights[3].values[c];
+      norms.back().shift = weights[4].values[c];
+    }
     return norms;
   }
 
@@ -115,6 +129,7 @@ class BatchNorm : public BatchNormalization {
     return norm;
   }
 
+  bool has_scale_;
   float eps_;
 };
 
@@ -179,7 +194,8 @@ std::unique_ptr<Layer> make_bn(const caffe::LayerParameter& param) {
 }  // namespace
 
 constinit const LayerEntries kBatchNormLayers = {
-    {"BatchNorm", make<BatchNorm>, "Caffe", "(x - mean) / deviation per channel", kTrained},
+    {"BatchNorm", make<BatchNorm>, "Caffe",
+     "(x - mean) / deviation per channel; NVIDIA's with scale and bias", kTrained},
     {"BN", make_bn, "PSPNet, SegNet", "batch normalization with trained scale and shift", kTrained},
 };
 

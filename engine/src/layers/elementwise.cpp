@@ -122,9 +122,9 @@ class PReLU : public ElementwiseLayer {
  public:
   explicit PReLU(const caffe::PReLUParameter& param) : shared_(param.channel_shared()) {}
 
+  // Volumes are V-Net's; the original Caffe allows at most 4 axes.
   Shape output_shape(const Shape& input) const override {
     expect_channels(input, "PReLU");
-    if (input.rank() > 4) throw InputError("PReLU needs an input of at most 4 axes, found ", input);
     return input;
   }
 
@@ -133,6 +133,7 @@ class PReLU : public ElementwiseLayer {
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
+    if (inputs[0].rank() > 4) return {};
     std::vector<float> slopes = weights[0].values;
     // Fused kernels keep positive values unchanged; for other slopes bind() has Caffe's expression.
     if (!std::ranges::all_of(slopes, [](float slope) { return std::isfinite(slope); })) return {};

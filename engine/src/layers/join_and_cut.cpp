@@ -1,5 +1,6 @@
 
 #include <algorithm>
+#include <cstdlib>
 #include <numeric>
 
 #include "layers/layers.h"
@@ -42,6 +43,16 @@ Kernel cut_kernel(int64_t outer, const std::vector<int64_t>& sizes, int threads)
 
 namespace {
 
+/// Darknet's max pooling with stride 1 keeps the size, and converters to Caffe do not write that.
+std::string hint_for(const Shape& a, const Shape& b) {
+  const bool is_near = a.rank() == 4 && b.rank() == 4 && a[2] != b[2] &&
+                       std::max(std::abs(a[2] - b[2]), std::abs(a[3] - b[3])) == 2;
+  return is_near ? "; if it is a YOLO net of Darknet, whose max pooling with kernel 2 and stride 1 "
+                   "keeps the size, give that Pooling pad: 1 and a Crop behind it { axis: 2 "
+                   "offset: 1 } to the size of its input"
+                 : "";
+}
+
 class Concat : public Layer {
  public:
   explicit Concat(const caffe::ConcatParameter& param) : param_(param) {
@@ -57,7 +68,7 @@ class Concat : public Layer {
     for (const Shape& input : inputs) {
       if (input.rank() != inputs[0].rank() || input.with(axis, 1) != inputs[0].with(axis, 1))
         throw InputError("inputs must agree in all axes but ", axis, ", found ", inputs[0], " and ",
-                         input);
+                         input, hint_for(inputs[0], input));
       total += input[axis];
     }
     return {inputs[0].with(axis, total)};

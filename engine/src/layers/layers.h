@@ -42,8 +42,8 @@ using LayerEntries = std::initializer_list<LayerEntry>;
 extern const LayerEntries kBatchNormLayers, kBoxOutputLayers, kConvolutionLayers, kDummyDataLayers,
     kElementwiseLayers, kInnerProductLayers, kJoinAndCutLayers, kLabelsLayers, kNormalizeLayers,
     kPermuteLayers, kPoolingLayers, kProposalLayers, kRecurrentLayers, kReductionLayers,
-    kReshapeLayers, kResizeLayers, kRoiPoolingLayers, kRowsLayers, kScaleLayers, kSsdLayers,
-    kYoloDetectionOutputLayers;
+    kReshapeLayers, kResizeLayers, kRoiPoolingLayers, kRowsLayers, kScaleLayers, kSequencesLayers,
+    kSsdLayers, kYoloDetectionOutputLayers;
 
 std::unique_ptr<Layer> make_identity(const caffe::LayerParameter& param);
 

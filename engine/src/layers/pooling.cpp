@@ -11,7 +11,7 @@ PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(para
   if (param.global_pooling()) {
     if (param.has_kernel_size() || param.has_kernel_h() || param.has_kernel_w())
       throw InputError("global pooling takes no kernel size");
-  } else if (param.has_kernel_size() == has_hw) {
+  } else if (param.has_kernel_size() == has_hw && param.kernel_size_nd().empty()) {
     throw InputError("give kernel_size, or both kernel_h and kernel_w (and not both forms)");
   }
   if (param.has_pad() && (param.has_pad_h() || param.has_pad_w()))
@@ -26,34 +26,63 @@ PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(para
     throw InputError("give round_mode or ceil_mode, not both");
   if (param.pool() == caffe::PoolingParameter::STOCHASTIC)
     throw UnsupportedError("stochastic pooling is not supported (Caffe runs it on a GPU only)");
-  h_ = axis(param.kernel_h(), param.stride_h(), param.has_stride_h(), param.pad_h(),
-            param.has_pad_h());
-  w_ = axis(param.kernel_w(), param.stride_w(), param.has_stride_w(), param.pad_w(),
-            param.has_pad_w());
+  for (size_t axis = 0; axis < 2; ++axis) window(axis, 2, !is_nd());
+}
+
+WindowAxes PoolingWindow::axes(const Shape& input) const {
+  if (input.rank() != 4 && input.rank() != 5)
+    throw InputError("pooling needs an input of 4 axes (n x c x h x w), or 5 for volumes, found ",
+                     input);
+  const size_t n = input.rank() - 2;
+  WindowAxes axes;
+  bool is_padded = false;
+  for (size_t i = 0; i < n; ++i) {
+    const Window w = param_.global_pooling() ? Window{input[i + 2], 1, 0} : window(i, n, true);
+    is_padded |= w.pad > 0;
+    axes.push_back({.image = input[i + 2], .kernel = w.extent, .stride = w.stride, .pad = w.pad});
+  }
+  for (WindowAxis& axis : axes) axis.windows = size(axis, is_padded);
+  return axes;
 }
 
 PoolingProblem PoolingWindow::problem(const Shape& input) const {
   expect_image(input, "pooling");
-  const Window h = global(h_, input[2]), w = global(w_, input[3]);
+  const WindowAxes of = axes(input);
   PoolingProblem p;
   p.planes = input[0] * input[1];
-  p.h = input[2], p.w = input[3];
-  p.out_h = size(p.h, h), p.out_w = size(p.w, w);
-  p.kernel_h = h.extent, p.kernel_w = w.extent;
-  p.stride_h = h.stride, p.stride_w = w.stride;
-  p.pad_h = h.pad, p.pad_w = w.pad;
+  p.h = of[0].image, p.w = of[1].image;
+  p.out_h = of[0].windows, p.out_w = of[1].windows;
+  p.kernel_h = of[0].kernel, p.kernel_w = of[1].kernel;
+  p.stride_h = of[0].stride, p.stride_w = of[1].stride;
+  p.pad_h = of[0].pad, p.pad_w = of[1].pad;
   return p;
 }
 
-std::optional<WindowHw> PoolingWindow::window() const {
+std::optional<WindowHw> PoolingWindow::window(const Shape& input) const {
   if (param_.global_pooling()) return std::nullopt;
-  return WindowHw{h_, w_};
+  const size_t n = input.rank() - 2;
+  return WindowHw{window(n - 2, n, true), window(n - 1, n, true)};
 }
 
-Window PoolingWindow::axis(uint32_t kernel, uint32_t stride, bool has_stride, uint32_t pad,
-                           bool has_pad) const {
-  const Window result{param_.has_kernel_size() ? param_.kernel_size() : kernel,
-                      has_stride ? stride : param_.stride(), has_pad ? pad : param_.pad()};
+Window PoolingWindow::window(size_t axis, size_t n_axes, bool checked) const {
+  const auto of_axis = [&](const auto& each, bool has_hw, uint32_t h, uint32_t w, uint32_t all,
+                           const char* what) -> int64_t {
+    if (!each.empty() && checked && static_cast<size_t>(each.size()) != n_axes)
+      throw InputError(what, " is given ", each.size(), " times; expected once, or once for each ",
+                       "of ", n_axes, " spatial axes");
+    if (!each.empty()) return each[std::min(static_cast<int>(axis), each.size() - 1)];
+    if (!has_hw) return all;
+    if (n_axes != 2)
+      throw InputError(what, "_h and its _w need 2 spatial axes, the input has ", n_axes);
+    return axis == 0 ? h : w;
+  };
+  const Window result{
+      of_axis(param_.kernel_size_nd(), !param_.has_kernel_size() && !param_.global_pooling(),
+              param_.kernel_h(), param_.kernel_w(), param_.kernel_size(), "kernel"),
+      of_axis(param_.stride_nd(), param_.has_stride_h(), param_.stride_h(), param_.stride_w(),
+              param_.stride(), "stride"),
+      of_axis(param_.pad_nd(), param_.has_pad_h(), param_.pad_h(), param_.pad_w(), param_.pad(),
+              "pad")};
   if (param_.global_pooling()) {
     if (result.stride != 1 || result.pad != 0)
       throw InputError("global pooling needs stride 1 and no pad");
@@ -68,22 +97,18 @@ Window PoolingWindow::axis(uint32_t kernel, uint32_t stride, bool has_stride, ui
   return result;
 }
 
-Window PoolingWindow::global(const Window& axis, int64_t input) const {
-  return param_.global_pooling() ? Window{input, 1, 0} : axis;
-}
-
 /// docs/LAYERS.md point 1. Computed in float, like in Caffe.
-int64_t PoolingWindow::size(int64_t input, const Window& axis) const {
+int64_t PoolingWindow::size(const WindowAxis& axis, bool is_padded) const {
   const bool floor = param_.has_ceil_mode() ? !param_.ceil_mode()
                                             : param_.round_mode() == caffe::PoolingParameter::FLOOR;
   const float steps =
-      static_cast<float>(input + 2 * axis.pad - axis.extent) / static_cast<float>(axis.stride);
+      static_cast<float>(axis.image + 2 * axis.pad - axis.kernel) / static_cast<float>(axis.stride);
   int64_t out = static_cast<int64_t>(floor ? std::floor(steps) : std::ceil(steps)) + 1;
   // The last window must start inside the image or its leading pad, once any axis is padded.
-  if ((h_.pad || w_.pad) && (out - 1) * axis.stride >= input + axis.pad) --out;
+  if (is_padded && (out - 1) * axis.stride >= axis.image + axis.pad) --out;
   if (out < 1)
-    throw InputError("a kernel of ", axis.extent, " does not fit into ", input, " + 2 x ", axis.pad,
-                     ": the output would be empty");
+    throw InputError("a kernel of ", axis.kernel, " does not fit into ", axis.image, " + 2 x ",
+                     axis.pad, ": the output would be empty");
   return out;
 }
 
@@ -99,11 +124,15 @@ class Pooling : public Layer {
     if (n_outputs < 1 || n_outputs > (max ? 2 : 1))
       throw InputError("expected ", max ? "1 or 2 outputs (the second is the mask)" : "1 output",
                        ", found ", n_outputs);
-    const PoolingProblem p = window_.problem(inputs[0]);
-    return std::vector<Shape>(n_outputs, Shape{inputs[0][0], inputs[0][1], p.out_h, p.out_w});
+    Shape output = inputs[0];
+    for (size_t i = 0; const WindowAxis& axis : window_.axes(inputs[0]))
+      output = output.with(2 + i++, axis.windows);
+    return std::vector<Shape>(n_outputs, output);
   }
 
-  std::optional<WindowHw> window(const Shape&) const override { return window_.window(); }
+  std::optional<WindowHw> window(const Shape& input) const override {
+    return window_.window(input);
+  }
 
   bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
 
@@ -112,11 +141,13 @@ class Pooling : public Layer {
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    if (inputs[0].rank() != 4) return {};
     const PoolingProblem problem = window_.problem(inputs[0]);
     return window_.is_max() ? Form(problem) : Form(Averaging{problem});
   }
 
   Kernel bind(const Binding& binding) const override {
+    if (binding.inputs[0].rank() != 4) return bind_volumes(binding);
     PoolingProblem problem = window_.problem(binding.inputs[0]);
     problem.threads = binding.threads;
     problem.values = binding.precision;
@@ -131,6 +162,19 @@ class Pooling : public Layer {
   }
 
  private:
+  Kernel bind_volumes(const Binding& binding) const {
+    const Shape& input = binding.inputs[0];
+    const VolumePooling problem{input[0] * input[1], window_.axes(input), binding.threads};
+    return {window_.is_max() ? "max-pool-volumes" : "average-pool-volumes",
+            [problem, is_max = window_.is_max()](const Call& call) {
+              if (is_max)
+                max_pool_volumes(problem, call.inputs[0], call.outputs[0],
+                                 call.outputs.size() > 1 ? call.outputs[1] : nullptr);
+              else
+                average_pool_volumes(problem, call.inputs[0], call.outputs[0]);
+            }};
+  }
+
   PoolingWindow window_;
 };
 
@@ -219,7 +263,7 @@ class Spp : public OneToOneLayer {
 
 constinit const LayerEntries kPoolingLayers = {
     {"Pooling", make<Pooling, &Parameters::pooling_param>, "Caffe",
-     "maximum (with mask), average, global"},
+     "maximum (with mask), average, global; of volumes, too"},
     {"SPP", make<Spp, &Parameters::spp_param>, "Caffe", "spatial pyramid pooling"},
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "kernels/nchw.h"
+#include "kernels/window.h"
 #include "layer.h"
 
 namespace revisit::engine {
@@ -12,19 +13,25 @@ class PoolingWindow {
 
   bool is_max() const { return param_.pool() == caffe::PoolingParameter::MAX; }
 
-  /// Returns the single-threaded problem for an input `[n][c][h][w]`, including the output size.
-  /// Throws InputError if the input has other axes or the output would be empty.
+  /// Windows along the spatial axes of an input `[n][c][h][w]` or `[n][c][depth][h][w]`. Throws
+  /// InputError if the input has other axes or the output would be empty.
+  WindowAxes axes(const Shape& input) const;
+
+  /// Returns the single-threaded problem for an input `[n][c][h][w]`. Throws as axes().
   PoolingProblem problem(const Shape& input) const;
 
-  std::optional<WindowHw> window() const;
+  /// Windows along the last two axes; nullopt if global.
+  std::optional<WindowHw> window(const Shape& input) const;
 
  private:
-  Window axis(uint32_t kernel, uint32_t stride, bool has_stride, uint32_t pad, bool has_pad) const;
-  Window global(const Window& axis, int64_t input) const;
-  int64_t size(int64_t input, const Window& axis) const;
+  bool is_nd() const {
+    return param_.kernel_size_nd_size() + param_.stride_nd_size() + param_.pad_nd_size() > 0;
+  }
+  /// `checked`: throws InputError unless fields per axis are given for all `n_axes`.
+  Window window(size_t axis, size_t n_axes, bool checked) const;
+  int64_t size(const WindowAxis& axis, bool is_padded) const;
 
   caffe::PoolingParameter param_;
-  Window h_, w_;
 };
 
 }  // namespace revisit::engine

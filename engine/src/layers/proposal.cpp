@@ -115,15 +115,28 @@ int64_t propose(const ProposalProblem& p, const float* scores, const float* offs
 
 /// Regions of interest from scores and offsets of anchors: proposal_layer.cpp of luoyetx/mini-caffe
 /// and happynear/caffe-windows. With a `python_param` it replaces lib/rpn/proposal_layer.py of
-/// rbgirshick/py-faster-rcnn, which drops small regions.
+/// rbgirshick/py-faster-rcnn, which drops small regions. FrcnnProposal of makefile/frcnn does so,
+/// too; its settings are in a file of its own.
 class Proposal : public Layer {
  public:
   explicit Proposal(const caffe::LayerParameter& layer)
-      : param_(layer.proposal_param()), is_of_python_(layer.has_python_param()) {
+      : param_(layer.proposal_param()),
+        is_of_python_(layer.has_python_param() || layer.type() == "FrcnnProposal") {
     const auto is_size = [](float size) { return size > 0 && std::isfinite(size); };
-    if (param_.ratio().empty() || param_.scale().empty() ||
-        !std::ranges::all_of(param_.ratio(), is_size) ||
-        !std::ranges::all_of(param_.scale(), is_size))
+    if (layer.type() == "FrcnnProposal" && param_.anchor().empty())
+      throw InputError(
+          "its anchors and settings are in the JSON file of makefile/frcnn; add them: "
+          "proposal_param { feat_stride: 16 min_size: 16 pre_nms_topn: 6000 "
+          "post_nms_topn: 300 nms_thresh: 0.7 anchor: -84 anchor: -40 anchor: 99 "
+          "anchor: 55 ... } (the values test_rpn_..., and each number of anchors)");
+    if (param_.anchor_size() % 4 != 0 ||
+        !std::ranges::all_of(param_.anchor(), [](float corner) { return std::isfinite(corner); }))
+      throw InputError("anchor: expected 4 numbers for each anchor, found ", param_.anchor_size());
+    if (!param_.anchor().empty() && param_.ratio_size() + param_.scale_size() > 0)
+      throw InputError("give anchor, or ratio and scale, not both");
+    if (param_.anchor().empty() && (param_.ratio().empty() || param_.scale().empty() ||
+                                    !std::ranges::all_of(param_.ratio(), is_size) ||
+                                    !std::ranges::all_of(param_.scale(), is_size)))
       throw InputError("ratio and scale must be given, and be finite and above 0");
     if (param_.feat_stride() < 1 || param_.base_size() < 1)
       throw InputError("feat_stride and base_size must be at least 1");
@@ -136,7 +149,9 @@ class Proposal : public Layer {
     expect_count(inputs.size(), 3, "inputs (scores, offsets, the image's size and scale)");
     expect_1_or_2(n_outputs, "outputs (regions, their scores)");
     const Shape &scores = inputs[0], &offsets = inputs[1], &image = inputs[2];
-    const int64_t anchors = int64_t{param_.ratio_size()} * param_.scale_size();
+    const int64_t anchors = param_.anchor().empty()
+                                ? int64_t{param_.ratio_size()} * param_.scale_size()
+                                : int64_t{param_.anchor_size()} / 4;
     if (scores.rank() != 4 || scores[0] != 1 || scores[1] != 2 * anchors)
       throw InputError("expected scores of shape 1 x ", 2 * anchors, " x h x w for ", anchors,
                        " anchors (ratios x scales) of one image, found ", scores);
@@ -179,6 +194,9 @@ class Proposal : public Layer {
     const auto base = static_cast<float>(param_.base_size());
     const float center = 0.5F * (base - 1);
     std::vector<Region> anchors;
+    for (int i = 0; i + 3 < param_.anchor_size(); i += 4)
+      anchors.push_back(
+          {param_.anchor(i), param_.anchor(i + 1), param_.anchor(i + 2), param_.anchor(i + 3)});
     for (const float ratio : param_.ratio()) {
       const float w = std::round(std::sqrt(base * base / ratio)), h = std::round(w * ratio);
       for (const float scale : param_.scale()) {
@@ -196,6 +214,7 @@ class Proposal : public Layer {
 }  // namespace
 
 constinit const LayerEntries kProposalLayers = {
+    {"FrcnnProposal", make<Proposal>, "makefile/frcnn", "a Proposal with given anchors"},
     {"Proposal", make<Proposal>, "Faster R-CNN", "regions from scores and offsets of anchors"},
 };
 

@@ -201,7 +201,7 @@ class PriorBox : public Layer {
   std::vector<Size> boxes_;
 };
 
-/// Writes detections `[1][1][rows][7]`.
+/// Writes detections `[1][1][rows][7]`. RefineDet's has two more inputs, of its first stage.
 class DetectionOutput : public Layer {
  public:
   explicit DetectionOutput(const caffe::DetectionOutputParameter& param) : param_(param) {
@@ -212,8 +212,15 @@ class DetectionOutput : public Layer {
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 3, "inputs (locations, confidences, prior boxes)");
+    const size_t n = inputs.size();
+    expect_count(n, std::clamp<size_t>(n, 3, 5),
+                 "inputs (locations, confidences, prior boxes; RefineDet: also confidences and "
+                 "locations of the first stage)");
     expect_count(n_outputs, 1, "outputs");
+    if (param_.has_objectness_score() && n < 4)
+      throw InputError(
+          "objectness_score needs RefineDet's 4th input, the confidences of its first "
+          "stage");
     return {Shape{1, 1, problem(inputs).most_rows(), 7}};
   }
 
@@ -223,7 +230,10 @@ class DetectionOutput : public Layer {
     const DetectionProblem p = problem(binding.inputs);
     return {"decode-suppress",
             [p](const Call& call) {
-              *call.rows = detect(p, call.inputs[0], call.inputs[1], call.inputs[2],
+              const size_t n = call.inputs.size();
+              const Refinement first{n > 3 ? call.inputs[3] : nullptr,
+                                     n > 4 ? call.inputs[4] : nullptr};
+              *call.rows = detect(p, call.inputs[0], call.inputs[1], call.inputs[2], first,
                                   call.outputs[0], call.scratch);
             },
             floats(p.scratch_floats())};
@@ -248,6 +258,14 @@ class DetectionOutput : public Layer {
         confidences.product(1, confidences.rank()) != p.priors * p.classes)
       throw InputError("expected ", p.images, " x ", p.priors * p.classes, " confidences for ",
                        p.priors, " prior boxes and ", p.classes, " classes, found ", confidences);
+    for (size_t i = 3; i < inputs.size(); ++i)
+      if (const int64_t wanted = p.priors * (i == 3 ? 2 : 4);
+          inputs[i].rank() < 2 || inputs[i][0] != p.images ||
+          inputs[i].product(1, inputs[i].rank()) != wanted)
+        throw InputError("expected ", p.images, " x ", wanted,
+                         i == 3 ? " confidences" : " locations", " of RefineDet's first stage for ",
+                         p.priors, " prior boxes, found ", inputs[i]);
+    p.objectness = param_.objectness_score();
     p.background = param_.background_label_id();
     p.code = code();
     p.variance_in_target = param_.variance_encoded_in_target();
@@ -273,8 +291,8 @@ class DetectionOutput : public Layer {
 }  // namespace
 
 constinit const LayerEntries kSsdLayers = {
-    {"DetectionOutput", make<DetectionOutput, &Parameters::detection_output_param>, "SSD",
-     "boxes after decoding and suppression"},
+    {"DetectionOutput", make<DetectionOutput, &Parameters::detection_output_param>,
+     "SSD, RefineDet", "boxes after decoding and suppression"},
     {"PriorBox", make<PriorBox, &Parameters::prior_box_param, false>, "SSD", "default boxes"},
     {"PriorBoxClustered", make<PriorBox, &Parameters::prior_box_param, true>, "OpenVINO",
      "default boxes of given sizes"},

@@ -93,10 +93,10 @@ class Ranges:
         self._parts = {}  # (first, last) -> part of the engine's net
         self._passes = OrderedDict()  # part, threads, seeds and input shapes -> _Pass, the oldest first
 
-    def load(self, weights):
+    def load(self, weights, seed=0):
         """Loads the engine's net. Returns layer name -> arrays of the engine.
 
-        weights: a WeightsFile, or layer name -> list of arrays. Missing weights become zeros.
+        weights: a WeightsFile, or layer name -> list of arrays. Missing weights come from their fillers, seeded by `seed`.
         Raises InputError if layers and weights do not match, UnsupportedError if the engine lacks a layer type.
         """
         self._parts.clear()
@@ -106,7 +106,8 @@ class Ranges:
         is_file = isinstance(weights, WeightsFile)
         content = weights.content if is_file else _weights.in_memory(weights)
         with named(self._prototxt, weights.path if is_file else "the net's weights"):
-            self._engine = engine.Net.load_from_memory(text_format.MessageToString(self._net), content, allow_missing=True)
+            self._engine = engine.Net.load_from_memory(
+                text_format.MessageToString(self._net), content, allow_missing=True, fill_seed=seed)
         return self._engine.weights
 
     def part(self, first, last):

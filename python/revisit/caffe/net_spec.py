@@ -13,9 +13,9 @@ from collections import Counter, OrderedDict
 from .proto import caffe_pb2
 
 
-# Layer type -> field of LayerParameter with its parameters.
+# Layer type -> field of LayerParameter with its parameters: the first with its message, because C3D's twins are behind.
 _PARAMS = {field.message_type.name.removesuffix('Parameter'): field.name
-           for field in caffe_pb2.LayerParameter.DESCRIPTOR.fields if field.name.endswith('_param')}
+           for field in reversed(caffe_pb2.LayerParameter.DESCRIPTOR.fields) if field.name.endswith('_param')}
 
 
 def assign_proto(proto, name, val):

@@ -89,7 +89,8 @@ void LimitOptions::declare(Options& options) {
                   " [MB] of values and packed weights of a run"),
               {"text", "weights", "layers", "run"}, &given)
       .option("allow", "missing|unknown",
-              "missing: zeros for layers without weights; unknown: warnings for unknown fields "
+              "missing: initial values of fillers for layers without weights; unknown: warnings "
+              "for unknown fields "
               "outside of layer parameters; repeatable (default: errors)",
               &allowed)
       .check([this] {
@@ -133,7 +134,8 @@ void NetOptions::declare(Options& options, bool needs_net) {
   options.group("Network:");
   options.option(
       "end", "LAYER[+LAYER]",
-      "last layer, without in-place layers after it, e.g. conv3 (default: the net's last); "
+      "last layer, without in-place layers after it, e.g. conv3, or a blob (default: the net's "
+      "last); "
       "conv3+pool5 appends a copy of pool5, which has no weights, with its normalization and ReLU",
       &end);
   declare_input_shape(options, &input_shapes);

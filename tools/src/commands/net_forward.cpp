@@ -255,6 +255,8 @@ int forward(ForwardOptions& o) {
   for (const auto& [blob, array] : arrays)
     o.net.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
   const engine::Net loaded = load_net(o.net, NoWeights::kNone);
+  if (loaded.outputs().empty() && !o.all)
+    throw UsageError("the net has no output: name the blob to output, with --end");
   std::map<std::string, engine::Shape> shapes;
   o.pictures.resize(loaded, inputs);
   subtract_means(o.means, blobs, &arrays);

@@ -40,7 +40,7 @@ std::vector<int64_t> axes_of(const google::protobuf::RepeatedField<int32_t>& sha
 reports::Timing timing(const profiling::Timing& t) {
   reports::Timing result;
   result.set_min(t.min), result.set_median(t.median), result.set_p95(t.p95);
-  result.set_low(t.low), result.set_high(t.high);
+  result.set_low(t.low), result.set_high(t.high), result.set_confidence(t.confidence);
   return result;
 }
 
@@ -174,6 +174,15 @@ void print_comparison(const reports::NetReport& report) {
   table.print(std::cout);
 }
 
+/// " for a batch of 10, 1.582 per image"; "" for one image, and for nets of other inputs.
+std::string batch_text(const reports::NetReport& report) {
+  if (report.inputs().empty() || report.inputs(0).shape_size() < 4) return "";
+  const int batch = report.inputs(0).shape(0);
+  return batch > 1 ? str(" for a batch of ", batch, ", ", number(report.macs() / 1e9 / batch, 3),
+                         " per image")
+                   : "";
+}
+
 void print_summary(const reports::NetReport& report) {
   std::cout << "\nnet " << printable(report.net()) << ", weights " << printable(report.weights());
   if (report.has_weight_file_bytes())
@@ -186,8 +195,9 @@ void print_summary(const reports::NetReport& report) {
       std::cout << what << printable(port.name()) << "  " << shape_text(axes_of(port.shape()))
                 << "\n";
   std::cout << number(report.parameters(), 0) << " parameters (" << mebi(report.weight_bytes())
-            << " MiB), " << number(report.macs() / 1e9, 3) << " GMACs, one run takes "
-            << mebi(report.arena_bytes()) << " MiB of activations and scratch\n"
+            << " MiB), " << number(report.macs() / 1e9, 3) << " GMACs" << batch_text(report)
+            << ", one run takes " << mebi(report.arena_bytes())
+            << " MiB of activations and scratch\n"
             << "memory: weights " << mebi(report.weight_bytes()) << " + packed for the kernels "
             << mebi(report.packed_weight_bytes()) << " + one run " << mebi(report.arena_bytes())
             << " = "
@@ -287,8 +297,10 @@ reports::NetReport net_report(const NetFindings& findings) {
   report.set_prototxt(options.prototxt.string());
   report.set_weights(weights);
   if (std::error_code none; std::filesystem::is_regular_file(weights, none)) {
-    report.set_weight_bytes_read(static_cast<double>(net.weight_bytes_read()));
-    report.set_weight_file_bytes(static_cast<double>(std::filesystem::file_size(weights, none)));
+    const auto size = static_cast<double>(std::filesystem::file_size(weights, none));
+    report.set_weight_file_bytes(size);
+    // The index of a file is read twice.
+    report.set_weight_bytes_read(std::min(static_cast<double>(net.weight_bytes_read()), size));
   }
   report.set_threads(options.threads);
   report.set_arena_bytes(static_cast<double>(plan.arena_bytes()));

@@ -34,6 +34,7 @@ fs::path prototxt_of(const fs::path& net, const fs::path& folder) {
 caffe::NetParameter read_layers(const cli::NetOptions& options) {
   caffe::NetParameter net =
       proto::read_net(options.prototxt, {.allow_unknown_fields = options.limits.allows("unknown"),
+                                         .keep_unread = !options.end.empty(),  // not needed
                                          .types_with_weights = engine::types_with_weights(),
                                          .limits = options.limits.limits()})
           .net;

@@ -2,18 +2,20 @@
 
 import numpy as np
 
-from ..graph import is_of_batch
+from ..graph import is_of_batch, statistics
 
 
 def _batch_norm(g, site):
     p, rank = site.message.batch_norm_param, len(site.shapes[0])
+    blobs = [blob.ravel() for blob in site.blobs]
     if is_of_batch(site.message):
-        return [_normalized_by_batch(g, site.x[0], rank, p.eps)]
-    sums, square_sums, weight = (blob.ravel() for blob in site.blobs[:3])
-    factor = np.float32(0 if weight[0] == 0 else 1 / weight[0])  # weight 0: no statistics
-    ones, zeros = np.ones_like(sums), np.zeros_like(sums)
-    return [g.node('BatchNormalization', site.x[0], *map(g.constant, (ones, zeros, factor * sums, factor * square_sums)),
-                   epsilon=p.eps)]
+        y = _normalized_by_batch(g, site.x[0], rank, p.eps)
+        if len(blobs) < 5:
+            return [y]
+        beside = [-1] + [1] * (rank - 2)
+        return [g.node('Add', g.node('Mul', y, g.constant(blobs[3].reshape(beside))), g.constant(blobs[4].reshape(beside)))]
+    mean, variance, scale, bias, eps = statistics(p, blobs)
+    return [g.node('BatchNormalization', site.x[0], *map(g.constant, (scale, bias, mean, variance)), epsilon=eps)]
 
 
 def _bn(g, site):

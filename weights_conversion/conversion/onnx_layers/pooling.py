@@ -33,6 +33,8 @@ def _pooling(g, site):
             return [y]
         place = g.node('ArgMax', g.reshape(site.x[0], 0, 0, -1), axis=2)
         return [y, g.to_float(g.node('Unsqueeze', place, g.integers(3)))]
+    if len(site.shapes[0]) != 4:
+        site.refuse('pooling of volumes cannot be exported to ONNX')
     floor = not p.ceil_mode if p.HasField('ceil_mode') else p.round_mode == p.FLOOR
     return pool(g, site, p.pool == p.MAX, *_axes(p), floor)
 

@@ -24,8 +24,9 @@ class MemoryError : public Error {
 };
 
 struct LoadOptions {
-  /// Layer that provides the output, before in-place layers that follow; later layers are ignored
-  /// and their weights are not read. Empty: the full net.
+  /// Layer that provides the output, before in-place layers that follow; or, if no layer has the
+  /// name, a blob after them. Later layers are ignored and their weights are not read. Empty: the
+  /// full net.
   std::string end = {};
   /// Layer without weights (e.g. "pool5") to append after `end`, its in-place layers, and its
   /// BatchNorm, Scale and ReLU: the paper's "conv3+pool5". If other layers read the same value, a
@@ -33,8 +34,10 @@ struct LoadOptions {
   std::string graft = {};
   /// Overrides shapes of net inputs in the prototxt, by blob name.
   std::map<std::string, Shape> inputs = {};
-  /// Fills weights that the file lacks with zeros instead of throwing.
+  /// Fills weights that the file lacks as Caffe does before training, instead of throwing. Fillers
+  /// are zero if the prototxt has none; random ones depend on `fill_seed`.
   bool allow_missing = false;
+  uint64_t fill_seed = 0;
   /// Downgrades errors for unknown fields outside the parameters of layers to warnings.
   bool allow_unknown = false;
   /// Limits on the files. `limits.weight_bytes` also bounds the weights in memory, before they are
@@ -240,6 +243,10 @@ class Net {
 /// Input blobs of a prototxt, in order. Uses only the reading options.
 std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
                                      const LoadOptions& options = {});
+
+/// Values of a weight blob before training. `filler` is a serialized FillerParameter. Throws
+/// InputError for an unknown filler, or one that does not suit the shape.
+std::vector<float> filled(std::string_view filler, const Shape& shape, uint64_t seed);
 
 /// Execution context that owns the memory of a plan. Use one per thread; runs of one plan can
 /// execute concurrently. Each thread that calls forward() has threads of its own, which end with

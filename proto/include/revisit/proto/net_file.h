@@ -17,7 +17,8 @@ namespace revisit::proto {
 struct NetReadOptions {
   /// Downgrades errors for unknown fields outside the parameters of layers to warnings. Fields
   /// known to have no effect are always warnings. Fields that may have one, and likely
-  /// misspellings, are always errors.
+  /// misspellings, are always errors. A Crop without crop_param, for which forks compute an offset,
+  /// starts at 0 instead of being an error.
   bool allow_unknown_fields = false;
   /// Returns parse errors inside layers in NetFile::unread instead of throwing, because the caller
   /// may not need the layer.
@@ -25,7 +26,8 @@ struct NetReadOptions {
   /// Keeps training-only layers: other phases, data layers, losses. The net is then only upgraded,
   /// not reduced to the inference net.
   bool keep_training = false;
-  /// Keeps layers of type Python for a caller that executes them.
+  /// Keeps layers of type Python for a caller that executes them. Otherwise those without bottoms
+  /// become inputs.
   bool keep_python = false;
   /// Phase TRAIN instead of TEST, level, and stages in addition to those of the file: select layers
   /// by their include and exclude rules.
@@ -50,6 +52,7 @@ struct NetFile {
   caffe::NetParameter net;
   std::vector<Unread> unread;                  ///< with NetReadOptions::keep_unread
   std::map<std::string, std::string> skipped;  ///< fate of skipped layers, by name
+  std::map<std::string, std::string> dropped;  ///< blob -> layer of another state that writes it
   std::vector<std::string> warnings;           ///< upgrades and changes to training layers
 };
 
@@ -72,6 +75,9 @@ NetFile read_net_binary(const std::filesystem::path& file, const Limits& limits 
 std::string net_text(const caffe::NetParameter& net);
 /// Throws Error if the net exceeds protobuf's 2^31-1 bytes or lacks a required field.
 std::string net_bytes(const caffe::NetParameter& net);
+/// Returns a serialized NetParameter without the fields of layers that do not parse, because forks
+/// give the same numbers to different fields. Throws InputError for other bytes.
+std::string readable_net(const std::string& bytes);
 /// Serialized google.protobuf.FileDescriptorProto of caffe_schema.proto.
 std::string schema_bytes();
 
@@ -112,7 +118,8 @@ struct Graph {
   std::vector<Node> nodes;
   std::vector<Value> values;
   std::vector<std::pair<std::string, ValueId>> outputs;  ///< names; blobs without consumers if full
-  std::vector<std::string> warnings;
+  std::map<std::string, std::string> dropped = {};       ///< NetFile::dropped, for messages
+  std::vector<std::string> warnings = {};
 };
 
 /// Returns whether Caffe stores the tops of a layer in the memory of its first bottom. All of them
@@ -122,11 +129,12 @@ bool shares_memory(const caffe::LayerParameter& layer);
 /// Resolves the blob names of a net from read_net(), for layers of any type.
 Graph resolve(const caffe::NetParameter& net);
 
-/// Keeps what the outputs of the layer `end` need, or the net's outputs if `end` is empty. `graft`,
-/// if not empty, is appended: a copy of this layer, named "end+graft", after the in-place layers,
-/// BatchNorm, Scale and ReLU of `end`. Throws UsageError for unknown layers, with the nearest name,
-/// and for invalid grafts; InputError for a needed layer that reads an unwritten blob or writes a
-/// blob again.
+/// Keeps what the outputs of the layer `end` need, or the net's outputs if `end` is empty. If no
+/// layer has that name, `end` is a blob, and its last value counts. `graft`, if not empty, is
+/// appended: a copy of this layer, named "end+graft", after the in-place layers, BatchNorm, Scale
+/// and ReLU of `end`. Throws UsageError for unknown names, with the nearest, for names of several
+/// layers, and for invalid grafts; InputError for a needed layer that reads an unwritten blob or
+/// writes a blob again.
 Graph prune(const Graph& graph, const std::string& end, const std::string& graft);
 
 /// Returns the name of output `port` of a layer: "slice", "slice.1", "slice.2", ...

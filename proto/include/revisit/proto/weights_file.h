@@ -13,8 +13,9 @@
 namespace revisit::proto {
 
 struct Blob {
-  /// Shape in the file. With `legacy_shape` always 4 values (num, channels, height, width), to be
-  /// compared right-aligned with the last 4 axes that a layer expects (docs/LAYERS.md point 8).
+  /// Shape in the file. With `legacy_shape` always 4 values (num, channels, height, width), or 5 in
+  /// files of C3D (with length), to be compared right-aligned with the last axes that a layer
+  /// expects (docs/LAYERS.md point 8).
   std::vector<int64_t> shape;
   bool legacy_shape = false;
   /// True if the file lacks this blob but has later blobs of the layer. Caffe's HDF5 files store a

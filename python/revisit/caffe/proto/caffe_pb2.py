@@ -7,9 +7,11 @@ from google.protobuf import descriptor_pb2 as _descriptor_pb2
 from google.protobuf import descriptor_pool as _descriptor_pool
 from google.protobuf import message_factory as _message_factory
 from google.protobuf import text_format as _text_format
+from google.protobuf.message import DecodeError as _DecodeError
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 
 from ... import proto as _proto
+from ...errors import InputError as _InputError
 
 
 def _renamed(message, old, new):
@@ -59,3 +61,30 @@ for _name, _descriptor in DESCRIPTOR.enum_types_by_name.items():
     globals()[_name] = _enum_type_wrapper.EnumTypeWrapper(_descriptor)
     for _value in _descriptor.values:
         globals()[_value.name] = _value.number
+
+
+def _tolerant(parse):
+    """Returns a parser of binary nets that skips fields of forks whose numbers mean other fields here, as the engine does."""
+
+    def parse_net(net, data):
+        try:
+            return parse(net, data)
+        except _DecodeError:
+            try:
+                readable = _proto.readable_net(bytes(data))
+            except _InputError:
+                readable = None
+        return parse(net, data if readable is None else readable)
+
+    return parse_net
+
+
+def _from_string(data):
+    net = NetParameter()  # noqa: F821  defined in the loop above
+    net.ParseFromString(data)
+    return net
+
+
+NetParameter.MergeFromString = _tolerant(NetParameter.MergeFromString)  # noqa: F821
+NetParameter.ParseFromString = _tolerant(NetParameter.ParseFromString)  # noqa: F821
+NetParameter.FromString = staticmethod(_from_string)  # noqa: F821

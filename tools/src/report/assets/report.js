@@ -472,7 +472,7 @@
       Number.isFinite(change.change ?? 0) && change.low !== undefined ? `${change.verdict}: ${share(change.change || 0)} [${share(change.low)}, ${share(change.high)}] %` : change.verdict || "");
     const against = profile.baseline;
     return el("section", { id: `profile${index + 1}` }, el("h2", {}, `Layers of ${name}`),
-      el("p", {}, `The whole takes ${number(profile.total_ms.median, 3)} ms (median of ${profile.passes} passes, ${number(profile.total_ms.low, 3)} to ${number(profile.total_ms.high, 3)} with 99 % confidence) on ${profile.threads} thread${profile.threads === 1 ? "" : "s"}, kernels: ${profile.simd}. ` +
+      el("p", {}, `The whole takes ${number(profile.total_ms.median, 3)} ms (median of ${profile.passes} passes, ${number(profile.total_ms.low, 3)} to ${number(profile.total_ms.high, 3)} with ${number(100 * profile.total_ms.confidence, 0)} % confidence) on ${profile.threads} thread${profile.threads === 1 ? "" : "s"}, kernels: ${profile.simd}. ` +
         (limits ? `At the limits of the machine the layers would take ${number(profile.best_ms || 0, 3)} ms, ${share((profile.best_ms || 0) / profile.layer_sum_ms.median)} % of their sum.`
           : `The machine was busy: ${profile.busy}. Its limits are unknown.`)),
       against ? el("p", {}, `Against ${against.file} (${number(against.whole.before_ms, 3)} ms): `, verdict(against.whole)) : null,

@@ -14,6 +14,7 @@ struct Timing {
   /// 99 % confidence interval of the population median, if passes are independent. With fewer than
   /// kMinSamplesForInterval samples: minimum and maximum.
   double low = 0, high = 0;
+  double confidence = 0;  ///< of [low, high]: 0.75 for 3 samples, 0 for one
 };
 
 /// Minimum number of samples for the interval: the chance that all are on one side of the median is
