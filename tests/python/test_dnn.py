@@ -131,6 +131,12 @@ class Nets(unittest.TestCase):
         layer = net.getLayer('conv')
         layer.blobs = [layer.blobs[0] * 2]  # the bias becomes 0
         self.assertEqual(net.forward('conv')[0, :, 0, 0].tolist(), [0, 6, 12, 18])
+        text = 'input: "x" input_shape { dim: 1 dim: 2 dim: 1 dim: 1 }\n' \
+               'layer { name: "p" type: "PReLU" bottom: "x" top: "p" prelu_param { channel_shared: true } }'
+        shared = dnn.readNetFromCaffe(text.encode())
+        shared.setParam('p', 0, [0.5])  # an array without axes
+        shared.setInput([[[[-2]], [[4]]]])
+        self.assertEqual(shared.forward().ravel().tolist(), [-1, 4])
         with self.assertRaisesRegex(revisit.UsageError, 'expected 4 values'):
             net.setParam('conv', 1, [1])
         with self.assertRaisesRegex(revisit.UsageError, 'none of index 2'):

@@ -74,7 +74,7 @@ NETS = {
 
 def write(path, weights):
     """Writes a caffemodel of names and weights."""
-    layers = [(b'\n' + bytes([len(name)]) + name.encode(), [np.ascontiguousarray(array) for array in arrays])
+    layers = [(b'\n' + bytes([len(name)]) + name.encode(), [np.array(array, order='C') for array in arrays])
               for name, arrays in (weights or {'none': []}).items()]
     net_of_layers('net', layers).write_binary(path)
 

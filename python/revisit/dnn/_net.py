@@ -312,7 +312,7 @@ class Net:
         arrays = self._net.weights[name]
         if blob.size != arrays[numParam].size:
             raise UsageError(f"setParam: layer '{name}': expected {arrays[numParam].size} values, found the shape {blob.shape}")
-        self._changed.setdefault(name, {})[numParam] = np.ascontiguousarray(blob.reshape(arrays[numParam].shape))
+        self._changed.setdefault(name, {})[numParam] = blob.reshape(arrays[numParam].shape).copy()
         self._missing.discard(name)
 
     def _costs(self, layer_and_shapes):
