@@ -116,11 +116,12 @@ Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
   return T.cast<float>();
 }
 
-PointCloud level(const PointCloud& cloud, double sensor_height) {
+PointCloud level(const PointCloud& cloud, double sensor_height, bool shows_ground) {
   // Smaller changes are scan-to-scan noise; correcting them would move beams between image rows.
   constexpr double kLevelHeight = 0.25;  // [m]
   static const double kLevelUp = std::cos(1.5 * std::numbers::pi / 180);
-  const std::optional<Ground> ground = ground_or_walls(cloud, sensor_height);
+  const std::optional<Ground> ground =
+      shows_ground ? ground_or_walls(cloud, sensor_height) : find_upright(cloud, sensor_height);
   Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
   if (ground &&
       (ground->up.z() < kLevelUp || std::abs(ground->sensor_height - sensor_height) > kLevelHeight))

@@ -25,7 +25,8 @@ Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height);
 
 /// Returns the gravity-aligned returns of a scan: a wide ground becomes horizontal, else walls and
 /// floors are upright (find_upright), else a narrow ground is taken. They are unchanged if none is
-/// found, or if it is within 1.5 degrees and 0.25 m of its nominal pose.
-PointCloud level(const PointCloud& cloud, double sensor_height);
+/// found, or if it is within 1.5 degrees and 0.25 m of its nominal pose. A field that does not show
+/// the ground nearby has walls and floors only: its lowest points are the edge of what it sees.
+PointCloud level(const PointCloud& cloud, double sensor_height, bool shows_ground = true);
 
 }  // namespace revisit

@@ -36,8 +36,7 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
                                const engine::PlanOptions& forward) {
-  // A higher field shows no ground nearby: the lowest points are only the edge of what it sees.
-  constexpr double kDown = -10;  // [deg]
+  constexpr double kDown = -10;  // [deg]: a higher field shows no ground nearby
   std::vector<std::string> layers;
   for (const RingLayer& layer : model.layers) layers.push_back(layer.name);
   const auto plan =
@@ -58,7 +57,7 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
     const auto runner = std::make_shared<CnnRingPlan::Runner>(*plan);
     return [plan, runner, reductions, grid, height, shows_ground, parts](const PointCloud& cloud,
                                                                          std::span<float> feature) {
-      const PointCloud leveled = shows_ground ? level(cloud, height) : cloud;
+      const PointCloud leveled = level(cloud, height, shows_ground);
       runner->forward(leveled);
       const auto& [cnn, polar] = parts;
       float* ring = feature.data();
