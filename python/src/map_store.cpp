@@ -110,7 +110,8 @@ void bind_map_store(nb::module_& module) {
   bind_entry(module);
   bind_open_map(module);
   module.def(
-      "feature_key_of", &feature_key_of, nb::call_guard<Unlocked>(), "map"_a,
+      "feature_key_of", nb::overload_cast<const std::filesystem::path&>(&feature_key_of),
+      nb::call_guard<Unlocked>(), "map"_a,
       "FeatureExtractor.key of the feature that made a map; '' if there is no readable map.");
   module.def("check_map", &check_map, nb::call_guard<Unlocked>(), "file"_a,
              "Checks a map. Returns one message per defect, none if the map is valid.");

@@ -176,12 +176,15 @@ TEST_F(Loops, LocateScansInTheWorldOfTheMap) {
 
 /// A room of 30 x 20 m with a pillar, as a cloud far from its origin.
 TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
-  std::ofstream pcd(path("site.pcd"));
   std::string points;
   int n = 0;
   const auto add = [&](double x, double y, double z) {
     points += str(x + 500, " ", y - 300, " ", z + 20, "\n");
     ++n;
+  };
+  const auto write = [&](const std::string& name) {
+    write_file(path(name), str("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH ", n,
+                               "\nHEIGHT 1\nDATA ascii\n", points));
   };
   for (double a = 0; a < 30; a += 0.1)
     for (double b = 0; b < 20; b += 0.1) {
@@ -193,15 +196,22 @@ TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
       if (a < 17) add(30, a, b);
       if (a < 4) add(8 + a, 6, b);
     }
-  pcd << "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH " << n << "\nHEIGHT 1\nDATA ascii\n"
-      << points;
-  pcd.close();
+  write("site.pcd");
+  for (double a = 2; a < 28; a += 0.1)  // a car passed, and a door was opened
+    for (double b = 7; b < 13; b += 0.1) {
+      add(a, b, 1.4);
+      if (a < 4) add(a, 14.5, (b - 7) / 3);
+    }
+  write("trails.pcd");
   const std::string build =
       "map build --from-cloud " + path("site.pcd") + " -q --sensor vlp16 --map ";
   run(build + path("site.map"));
   const size_t entries = lines(run("map info --entries " + path("site.map"))).size() - 1;
   EXPECT_GT(entries, 10);
   EXPECT_LT(entries, 50);
+  run("map build --from-cloud " + path("trails.pcd") + " -q --sensor vlp16 --map " +
+      path("trails.map"));
+  EXPECT_EQ(lines(run("map info --entries " + path("trails.map"))).size() - 1, entries);
   write_file(path("way.tum"), "0 506.3 -291.1 21.7 0 0 0 1\n1 506.4 -291.1 21.7 0 0 0 1\n");
   run(build + path("way.map") + " --poses " + path("way.tum"));
   EXPECT_HAS(run("map info --entries " + path("way.map")), "506.300,-291.100,21.700");

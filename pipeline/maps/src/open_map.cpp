@@ -67,12 +67,15 @@ std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
   return map;
 }
 
+std::string feature_key_of(const MapFingerprint& fingerprint) {
+  const auto key = fingerprint.find(kFeatureKey);
+  return key == fingerprint.end() ? "" : key->second;
+}
+
 std::string feature_key_of(const fs::path& map) {
   if (map.empty()) return "";
   try {
-    const MapFingerprint fingerprint = open_map(map, MapAccess::kRead)->fingerprint();
-    const auto key = fingerprint.find(kFeatureKey);
-    return key == fingerprint.end() ? "" : key->second;
+    return feature_key_of(open_map(map, MapAccess::kRead)->fingerprint());
   } catch (const InputError&) {
     return "";
   }

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
-#include <optional>
 #include <vector>
 
 #include "prepared_scan.h"
@@ -166,14 +166,19 @@ double Contradiction::fraction(double prior) const {
 
 namespace {
 
+/// A point in the frame of a scan is before the surfaces that it saw.
+bool floats(const FreeSpace::Parts& there, double scale, const Eigen::Vector3d& point) {
+  const Direction direction(point);
+  return there.image.is_before_surface(direction, margin_of(scale, direction.range));
+}
+
 /// What a scan shows of a point in its frame: 1 if a surface confirms it, -1 if it floats in free
 /// space, 0 if neither.
 int shown_by(const FreeSpace::Parts& there, double scale, const Eigen::Vector3d& point) {
   const double near = kNear * scale;
   if (there.scan.parts().tree->any_within(point.cast<float>(), static_cast<float>(near * near)))
     return 1;
-  const Direction direction(point);
-  return there.image.is_before_surface(direction, margin_of(scale, direction.range)) ? -1 : 0;
+  return floats(there, scale, point) ? -1 : 0;
 }
 
 }  // namespace
@@ -194,30 +199,24 @@ Contradiction contradiction(const FreeSpace& scan, const FreeSpace& other,
 
 PointCloud standing_points(const PointCloud& cloud, const FreeSpace& scan,
                            const std::vector<PlacedSpace>& others) {
-  constexpr double kReach = 0.8;  // from a moving thing's sides to its other points [m]
-  std::vector<Eigen::Vector3f> moving, standing;
-  for (const Eigen::Vector3f& point : scan.parts().scan.parts().upright) {
-    int sum = 0;
-    for (const auto& [other, T_other_scan] : others)
-      if (other.parts().scan.parts().tree)
-        sum += shown_by(other.parts(), std::max(scan.scale(), other.scale()),
-                        T_other_scan * point.cast<double>());
-    (sum < 0 ? moving : standing).push_back(point);
-  }
-  if (moving.empty()) return cloud;
-  const auto squared = [&](double meters) {
-    return static_cast<float>(meters * meters * scan.scale() * scan.scale());
+  constexpr int kLeast = 2;          // contradictions; one may be an error of the poses
+  constexpr int kConfirmations = 3;  // that outweigh a contradiction
+  const auto moves = [&](const Point& p) {
+    const Eigen::Vector3d point(p.x, p.y, p.z);
+    const auto count = [&](const auto& shows) {
+      return std::ranges::count_if(others, [&](const PlacedSpace& other) {
+        return other.first.parts().scan.parts().tree &&
+               shows(other.first.parts(), std::max(scan.scale(), other.first.scale()),
+                     other.second * point);
+      });
+    };
+    if (count(floats) < kLeast) return false;  // faster than the search for neighbors
+    const auto contradicted = count([](const auto&... at) { return shown_by(at...) < 0; });
+    const auto confirmed = count([](const auto&... at) { return shown_by(at...) > 0; });
+    return contradicted >= kLeast && kConfirmations * contradicted >= confirmed;
   };
-  const NearestNeighbors of_moving(moving, 1);
-  std::optional<NearestNeighbors> of_standing;
-  if (!standing.empty()) of_standing.emplace(standing, 1);
   PointCloud kept;
-  for (const Point& p : cloud.points) {
-    const Eigen::Vector3f at(p.x, p.y, p.z);
-    if (!of_moving.any_within(at, squared(kReach)) ||
-        (of_standing && of_standing->any_within(at, squared(kNear))))
-      kept.points.push_back(p);
-  }
+  std::ranges::remove_copy_if(cloud.points, std::back_inserter(kept.points), moves);
   return kept;
 }
 

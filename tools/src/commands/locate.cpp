@@ -87,14 +87,14 @@ std::pair<Dataset, ScanStream> with_first(ScanStream next) {
 int locate_scans(LocateOptions& o) {
   auto [some, next] = with_first(scans_of(o));
   if (some.scans.empty()) throw UsageError("SCAN: there are no scans");
-  MapSource source = map_source(o.feature, some, o.map);
+  auto store = open_map(o.map, MapAccess::kRead);
+  MapSource source = map_source(o.feature, some, feature_key_of(store->fingerprint()));
   source.options.hnsw_candidates = o.feature.graph_candidates();
-  source.options.local_map = local_map_of(open_map(o.map, MapAccess::kRead)->fingerprint());
+  source.options.local_map = local_map_of(store->fingerprint());
   if (source.options.local_map != 0)
     warn(str(display_name(o.map), ": has local maps of ", source.options.local_map,
              " m; give accumulated clouds, because a single scan covers less"));
-  const MapFingerprint fingerprint = fingerprint_of(source.extractor, source.options);
-  Map map(source.extractor, source.options, open_map(o.map, MapAccess::kRead, &fingerprint), warn);
+  Map map(source.extractor, source.options, std::move(store), warn);
   LoopDetector detector(map, {.verify = o.no_verify ? std::optional(false) : std::nullopt,
                               .threshold = o.threshold,
                               .target_precision = o.target_precision,

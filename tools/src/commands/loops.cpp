@@ -335,7 +335,7 @@ class LoopRun {
 
  private:
   MapSource describe_source() {
-    MapSource described = map_source(o_.feature, source_.some, o_.map.file);
+    MapSource described = map_source(o_.feature, source_.some, feature_key_of(o_.map.file));
     described.options.warmup = o_.map.warmup;
     described.options.hnsw_candidates = o_.feature.graph_candidates();
     if (!o_.verify) o_.verify = described.extractor.comparison.relative_yaw && !o_.map.no_clouds;

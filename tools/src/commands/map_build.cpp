@@ -178,7 +178,7 @@ class MapBuilder {
 int build_all(BuildOptions& o) {
   const Dataset dataset =
       o.from_cloud ? virtual_scans(o.feature, o.trajectory) : open_scans(o.feature);
-  MapSource source = map_source(o.feature, dataset, o.map.file, ScansAtOnce::kMany);
+  MapSource source = map_source(o.feature, dataset, feature_key_of(o.map.file), ScansAtOnce::kMany);
   source.options.warmup = o.map.warmup;
   const NewMap new_map(o.map.file);
   Map map(source.extractor, source.options, o.map.open(source), warn);

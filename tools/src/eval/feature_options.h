@@ -99,10 +99,10 @@ FeatureSource open_feature(const FeatureOptions& options, const Dataset& dataset
                            const std::filesystem::path& folder);
 
 /// Resolves `--sensor auto` from some scans if the feature uses range images; for rings, to the
-/// sensor of the nearest model. Returns a message, "" if nothing was resolved. `map`: an existing
-/// map, whose model is preferred.
+/// sensor of the nearest model. Returns a message, "" if nothing was resolved. `map_key`:
+/// feature_key_of() an existing map, whose model is preferred.
 std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset,
-                           const std::filesystem::path& map = {});
+                           const std::string& map_key = "");
 
 /// Warns if the scans cannot come from an upright sensor (find_view_defect()).
 void warn_of_view(const FeatureOptions& options, const Dataset& dataset);

@@ -243,7 +243,8 @@ std::vector<PointCloud> mounted_scans(const FeatureOptions& options, const Datas
   return scans;
 }
 
-std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset, const fs::path& map) {
+std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset,
+                           const std::string& map_key) {
   const bool sees_image = options.feature == "cnn" || options.feature == "data" ||
                           (options.feature == "ring" && options.ring.empty());
   const auto has = [&](const std::vector<std::string>& names) {
@@ -255,9 +256,8 @@ std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset, cons
   const std::vector<PointCloud> scans = mounted_scans(options, dataset);
   if (scans.empty()) return "";
   if (options.feature != "ring") return options.image.resolve(scans);
-  const auto [sensor, reason] =
-      choose_ring_model(scans, feature_key_of(map),
-                        options.weights.empty() ? "" : models::file_sha1(options.weights));
+  const auto [sensor, reason] = choose_ring_model(
+      scans, map_key, options.weights.empty() ? "" : models::file_sha1(options.weights));
   options.image.sensor = sensor;
   return str(sensor, " (", reason, ")");
 }

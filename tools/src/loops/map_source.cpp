@@ -85,9 +85,9 @@ Projection pca_of(const Rows& features, std::span<const int64_t> fit_rows, int64
 }
 
 /// Chooses the model for local maps of any sensor (docs/SLAM.md), or the map's.
-void choose_local_map_sensor(FeatureOptions& o, const fs::path& map) {
+void choose_local_map_sensor(FeatureOptions& o, const std::string& map_key) {
   if (o.feature != "ring" || !o.ring.empty() || !o.image.is_auto()) return;
-  const std::string of_map = shipped_ring_sensor(feature_key_of(map));
+  const std::string of_map = shipped_ring_sensor(map_key);
   o.image.sensor = of_map.empty() ? "hdl64" : of_map;
   if (!o.quiet)
     note(str("sensor: ", o.image.sensor, of_map.empty() ? " (of local maps)" : " (of the map)"));
@@ -95,15 +95,15 @@ void choose_local_map_sensor(FeatureOptions& o, const fs::path& map) {
 
 }  // namespace
 
-MapSource map_source(FeatureOptions& options, const Dataset& some, const fs::path& map,
+MapSource map_source(FeatureOptions& options, const Dataset& some, const std::string& map_key,
                      ScansAtOnce at_once, std::optional<int64_t> warmup) {
   if (options.feature == "fabmap")
     throw UsageError(
         "--feature fabmap: needs all camera images of a drive at once; use `revisit eval "
         "--protocol online`");
-  if (options.local_map != 0) choose_local_map_sensor(options, map);
+  if (options.local_map != 0) choose_local_map_sensor(options, map_key);
   warn_of_view(options, some);
-  if (const std::string found = resolve_sensor(options, some, map);
+  if (const std::string found = resolve_sensor(options, some, map_key);
       !found.empty() && !options.quiet)
     note("sensor: " + found);
   options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;

@@ -16,10 +16,11 @@ struct MapSource : FeatureSource {
 };
 /// kOne: all cores work on one scan; kMany: each on its own.
 enum class ScansAtOnce { kOne, kMany };
-/// `map` need not exist. A PCA comes from a folder (--fit-on DIR), or is estimated from the first
-/// `warmup` distinct map entries. An estimated PCA is not kept in maps, and all descriptors before
-/// it are zero. Throws UsageError for a feature that needs all scans of a drive.
-MapSource map_source(FeatureOptions& options, const Dataset& some, const std::filesystem::path& map,
+/// `map_key`: feature_key_of() the map, "" of a new one. A PCA comes from a folder (--fit-on DIR),
+/// or is estimated from the first `warmup` distinct map entries. An estimated PCA is not kept in
+/// maps, and all descriptors before it are zero. Throws UsageError for a feature that needs all
+/// scans of a drive.
+MapSource map_source(FeatureOptions& options, const Dataset& some, const std::string& map_key,
                      ScansAtOnce at_once = ScansAtOnce::kOne,
                      std::optional<int64_t> warmup = std::nullopt);
 

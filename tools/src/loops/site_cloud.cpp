@@ -49,10 +49,10 @@ class SiteScans {
   std::map<size_t, std::shared_ptr<const SiteScan>> known_;
 };
 
-/// Entries that may have seen what an entry saw: of those within 15 m, some at other times.
+/// Entries that may have seen what an entry saw: of those within 40 m, some at other times.
 std::vector<size_t> entries_near(const MapGraph& graph, size_t index) {
-  constexpr double kNearby = 15;  // [m]
-  constexpr size_t kMost = 8;
+  constexpr double kNearby = 40;  // [m]
+  constexpr size_t kMost = 16;
   const Eigen::Vector3d here = graph.entries[index].pose->translation();
   std::vector<size_t> nearby, chosen;
   for (size_t i = 0; i < graph.entries.size(); ++i)

@@ -12,6 +12,7 @@
 
 #include "cli/terminal.h"
 #include "loops/recording.h"
+#include "loops/site_floor.h"
 #include "loops/voxel_means.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
@@ -21,34 +22,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using Cell = std::pair<int, int>;
-
 constexpr double kVoxel = 0.15;        // [m]
 constexpr double kBlock = 20;          // edge of the blocks of points [m]
 constexpr double kSensorHeight = 1.7;  // above the floor [m]
-constexpr int kGrid = 4;               // spacing of poses [m]
 
 int block_of(double x) {
   return static_cast<int>(std::floor(x / kBlock));
 }
 
-/// One point per voxel, relative to `origin`, in blocks.
+/// One point per voxel, relative to `origin`.
 struct Site {
-  std::optional<Eigen::Vector3d> origin;
-  std::map<Cell, std::vector<Eigen::Vector3f>> blocks;
+  Eigen::Vector3d origin;
+  std::vector<Eigen::Vector3f> points;
 };
 
 void add(const PointCloud& cloud, const Pose& T_world_cloud, VoxelMeans& voxels) {
   for (const Point& p : cloud.points) voxels.add(T_world_cloud * Eigen::Vector3d(p.x, p.y, p.z));
-}
-
-Site site_of(const VoxelMeans& voxels) {
-  Site site{.origin = voxels.origin(), .blocks = {}};
-  for (const Eigen::Vector3d& point : voxels.points()) {
-    const Eigen::Vector3f p = (point - *site.origin).cast<float>();
-    site.blocks[{block_of(p.x()), block_of(p.y())}].push_back(p);
-  }
-  return site;
 }
 
 Site read_site(const FeatureOptions& options) {
@@ -66,19 +55,27 @@ Site read_site(const FeatureOptions& options) {
     read_scan_into(options.data, cloud);
     add(cloud, Pose::Identity(), voxels);
   }
-  return site_of(voxels);
+  if (!voxels.origin()) throw InputError(options.data.string(), ": there are no points");
+  Site site{.origin = *voxels.origin(), .points = {}};
+  for (const Eigen::Vector3d& point : voxels.points())
+    site.points.push_back((point - site.origin).cast<float>());
+  remove_trails(site.points);
+  return site;
 }
 
 /// Rows of beams and columns of azimuth. Each point covers its voxel, so that what lies behind a
 /// surface is hidden.
 class Renderer {
  public:
-  Renderer(std::shared_ptr<const Site> site, const Sensor& sensor)
-      : site_(std::move(site)),
+  Renderer(const Site& site, const Sensor& sensor)
+      : origin_(site.origin),
         rows_(sensor.beams > 0 ? sensor.beams : 64),
         top_(sensor.top * std::numbers::pi / 180),
         step_((sensor.top - sensor.bottom) * std::numbers::pi / 180 / (rows_ - 1)),
-        range_(sensor.image.max_range) {}
+        range_(sensor.image.max_range) {
+    for (const Eigen::Vector3f& p : site.points)
+      blocks_[{block_of(p.x()), block_of(p.y())}].push_back(p);
+  }
 
   PointCloud scan(const Pose& T_world_sensor) const {
     const Eigen::Isometry3f T = sensor_of_site(T_world_sensor).cast<float>();
@@ -120,7 +117,7 @@ class Renderer {
   }
 
   Eigen::Isometry3d sensor_of_site(const Pose& T_world_sensor) const {
-    return T_world_sensor.inverse() * Eigen::Translation3d(*site_->origin);
+    return T_world_sensor.inverse() * Eigen::Translation3d(origin_);
   }
 
   Eigen::Vector3f direction(size_t pixel) const {
@@ -133,10 +130,10 @@ class Renderer {
 
   template <class Take>
   void each_point(const Pose& T_world_sensor, const Take& take) const {
-    const Eigen::Vector3d center = T_world_sensor.translation() - *site_->origin;
+    const Eigen::Vector3d center = T_world_sensor.translation() - origin_;
     for (int x = block_of(center.x() - range_); x <= block_of(center.x() + range_); ++x)
       for (int y = block_of(center.y() - range_); y <= block_of(center.y() + range_); ++y)
-        if (const auto found = site_->blocks.find({x, y}); found != site_->blocks.end())
+        if (const auto found = blocks_.find({x, y}); found != blocks_.end())
           for (const Eigen::Vector3f& point : found->second) take(point);
   }
 
@@ -152,105 +149,17 @@ class Renderer {
       }
   }
 
-  std::shared_ptr<const Site> site_;
+  Eigen::Vector3d origin_;
+  std::map<std::pair<int, int>, std::vector<Eigen::Vector3f>> blocks_;
   int rows_;
   double top_, step_, range_;
 };
 
-/// Heights of the floor on which a robot can stand, by cells of 1 m: low points around, and nothing
-/// above them up to its height. Parts that are small beside the largest, as roofs are, do not
-/// count.
-class Floor {
- public:
-  explicit Floor(const Site& site) {
-    each(site, [&](const Cell& cell, float z) {
-      const auto [at, added] = lowest_.try_emplace(cell, z);
-      at->second = std::min(at->second, z);
-    });
-    each(site, [&](const Cell& cell, float z) {
-      constexpr float kStep = 0.4F, kHeadroom = 2.2F;  // [m]
-      const float above = z - lowest_.at(cell);
-      if (above > kStep && above < kHeadroom) blocked_[cell] = true;
-    });
-    for (const auto& [cell, z] : lowest_)
-      if (is_free(cell)) free_[cell] = 0;
-    label();
-  }
-
-  /// Cells near the nodes of a grid.
-  std::vector<Eigen::Vector3d> nodes() const {
-    std::map<Cell, Cell> chosen;
-    for (const auto& [cell, part] : free_) {
-      if (10 * sizes_[static_cast<size_t>(part)] < largest_) continue;
-      const auto node = [](int x) { return static_cast<int>(std::floor(x / double{kGrid})); };
-      chosen.try_emplace({node(cell.first), node(cell.second)}, cell);
-    }
-    std::vector<Eigen::Vector3d> points;
-    for (const auto& [node, cell] : chosen)
-      points.emplace_back(cell.first + 0.5, cell.second + 0.5, lowest_.at(cell));
-    return points;
-  }
-
- private:
-  template <class Take>
-  static void each(const Site& site, const Take& take) {
-    for (const auto& [block, points] : site.blocks)
-      for (const Eigen::Vector3f& p : points)
-        take(Cell(static_cast<int>(std::floor(p.x())), static_cast<int>(std::floor(p.y()))), p.z());
-  }
-
-  template <class Take>
-  static void around(const Cell& cell, const Take& take) {
-    for (int x = -1; x <= 1; ++x)
-      for (int y = -1; y <= 1; ++y) take(Cell(cell.first + x, cell.second + y));
-  }
-
-  bool is_free(const Cell& cell) const {
-    constexpr float kSlope = 0.3F;  // between cells [m]
-    bool free = true;
-    around(cell, [&](const Cell& near) {
-      const auto found = lowest_.find(near);
-      free = free && found != lowest_.end() && !blocked_.contains(near) &&
-             std::abs(found->second - lowest_.at(cell)) < kSlope;
-    });
-    return free;
-  }
-
-  void label() {
-    sizes_ = {0};
-    for (const auto& [cell, part] : free_) {
-      if (part != 0) continue;
-      std::vector<Cell> open{cell};
-      const int name = static_cast<int>(std::ssize(sizes_));
-      sizes_.push_back(0);
-      free_[cell] = name;
-      while (!open.empty()) {
-        const Cell at = open.back();
-        open.pop_back();
-        ++sizes_.back();
-        around(at, [&](const Cell& near) {
-          const auto found = free_.find(near);
-          if (found == free_.end() || found->second != 0) return;
-          found->second = name;
-          open.push_back(near);
-        });
-      }
-      largest_ = std::max(largest_, sizes_.back());
-    }
-  }
-
-  std::map<Cell, float> lowest_;
-  std::map<Cell, bool> blocked_;
-  std::map<Cell, int> free_;  // -> part
-  std::vector<int64_t> sizes_;
-  int64_t largest_ = 0;
-};
-
 std::vector<Pose> poses_on(const Site& site) {
   std::vector<Pose> poses;
-  for (const Eigen::Vector3d& floor : Floor(site).nodes())
-    poses.emplace_back(
-        Eigen::Translation3d(*site.origin + floor + Eigen::Vector3d(0, 0, kSensorHeight)));
+  for (const Eigen::Vector3f& floor : floor_nodes(site.points))
+    poses.emplace_back(Eigen::Translation3d(site.origin + floor.cast<double>() +
+                                            Eigen::Vector3d(0, 0, kSensorHeight)));
   return poses;
 }
 
@@ -266,9 +175,8 @@ std::vector<Pose> poses_along(const fs::path& trajectory) {
 }  // namespace
 
 Dataset virtual_scans(const FeatureOptions& options, const fs::path& trajectory) {
-  const auto site = std::make_shared<const Site>(read_site(options));
-  if (!site->origin) throw InputError(options.data.string(), ": there are no points");
-  const std::vector<Pose> poses = trajectory.empty() ? poses_on(*site) : poses_along(trajectory);
+  const Site site = read_site(options);
+  const std::vector<Pose> poses = trajectory.empty() ? poses_on(site) : poses_along(trajectory);
   if (poses.empty())
     throw InputError(options.data.string(),
                      ": no free floor was found (z must be up); give a trajectory with --poses");

@@ -202,6 +202,7 @@ int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::files
 
 /// FeatureExtractor::key of the features of a map; "" if the map cannot be read.
 std::string feature_key_of(const std::filesystem::path& map);
+std::string feature_key_of(const MapFingerprint& fingerprint);
 
 /// Reads the whole map and returns a message for each problem. Throws InputError if the file is
 /// missing, Error if it cannot be opened.

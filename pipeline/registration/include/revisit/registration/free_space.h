@@ -48,8 +48,8 @@ Contradiction contradiction(const FreeSpace& scan, const FreeSpace& other,
 /// Another scan, and T_other_scan.
 using PlacedSpace = std::pair<FreeSpace, Eigen::Isometry3d>;
 
-/// Points of `cloud`, of which `scan` was made, without things that moved: upright points that
-/// float in the free space of more of the `others` than confirm them, and points near only those.
+/// Points of `cloud`, of which `scan` was made, without things that moved: points that float in the
+/// free space of at least two of the `others`, and of a quarter of those that show them.
 PointCloud standing_points(const PointCloud& cloud, const FreeSpace& scan,
                            const std::vector<PlacedSpace>& others);
 
