@@ -45,14 +45,14 @@ std::string image_checksum(AlignCase mode) {
 // If one of these fails because of an intended change: increment kFeatureVersion, and enter the new
 // version and checksum here. (Pixels have the same bits on every CPU.)
 TEST(FeatureVersion, IsRaisedWhenPixelsChange) {
-  EXPECT_EQ(kFeatureVersion, 2);
+  EXPECT_EQ(kFeatureVersion, 3);
   EXPECT_EQ(image_checksum(AlignCase::kNone), "e564e7350f2d357b");
   EXPECT_EQ(image_checksum(AlignCase::kOne), "dcdf1cc1509bab1d");
   EXPECT_EQ(image_checksum(AlignCase::kTwo), "ed409cbef57b9309");
 }
 
 TEST(FeatureVersion, IsRaisedWhenScanContextChanges) {
-  EXPECT_EQ(kFeatureVersion, 2);
+  EXPECT_EQ(kFeatureVersion, 3);
   const FeatureExtractor extractor = scan_context_features();
   std::vector<float> feature(static_cast<size_t>(extractor.dim));
   std::get<FeatureMaker<PointCloud>>(extractor.make)()(fixed_scan(), feature);

@@ -49,7 +49,7 @@ struct AlignmentRecord {
 
 /// Must be incremented with every change that alters features beyond the last digits of a float,
 /// because features are cached. The tests FeatureVersion.* check a fixed scan's checksums.
-constexpr int kFeatureVersion = 2;
+constexpr int kFeatureVersion = 3;
 
 /// Fingerprint of a data set's files: path, size, inode, and change times of content (mtime) and
 /// inode (ctime). A copied mtime does not hide a change. The files are not read.
