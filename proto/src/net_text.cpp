@@ -203,9 +203,10 @@ class PartReader {
       return;
     }
     const FieldDescriptor* const twin = type.FindFieldByName(name + "_nd");
-    if (twin && into.GetReflection()->HasField(into, known) && append_to_twin(field, *twin, into))
+    const bool has_value = !known->is_repeated() && into.GetReflection()->HasField(into, known);
+    if (twin && (has_value || field.opens == '[') && append_to_twin(field, *known, *twin, into))
       return;
-    if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
+    if (has_value) {
       note_unread(field.begin,
                   str("Non-repeated field \"", name, "\" is specified multiple times."));
       return;
@@ -219,18 +220,21 @@ class PartReader {
       leave_out_value(field, *known, complaint, reached_by);
   }
 
-  /// Reads a further value of a field of PoolingParameter, one per axis. Its first value is in the
-  /// field itself, and in `twin` with the others.
-  bool append_to_twin(const TextField& field, const FieldDescriptor& twin, Message& into) {
+  /// Reads a further value, or a list, of a field of PoolingParameter with one value per axis. The
+  /// first value is in the field itself, and in `twin` with the others.
+  bool append_to_twin(const TextField& field, const FieldDescriptor& known,
+                      const FieldDescriptor& twin, Message& into) {
     const std::string name(field.name);
     const std::string_view value = text_.substr(field.value, field.end - field.value);
     Silence silence;
     const std::unique_ptr<Message> read(into.New());
     if (!parses(str(name, "_nd: ", value), silence, false, *read)) return false;
     const auto* reflection = into.GetReflection();
-    if (reflection->FieldSize(into, &twin) == 0)
-      reflection->AddUInt32(
-          &into, &twin, reflection->GetUInt32(into, into.GetDescriptor()->FindFieldByName(name)));
+    if (reflection->FieldSize(*read, &twin) == 0) return false;
+    if (!reflection->HasField(into, &known))
+      reflection->SetUInt32(&into, &known, reflection->GetRepeatedUInt32(*read, &twin, 0));
+    else if (reflection->FieldSize(into, &twin) == 0)
+      reflection->AddUInt32(&into, &twin, reflection->GetUInt32(into, &known));
     into.MergeFrom(*read);
     return true;
   }

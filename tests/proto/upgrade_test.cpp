@@ -269,11 +269,13 @@ TEST(Upgrade, VolumesAreConvolutionsAndPoolings) {
           "bottom: 'c' top: 'p' pooling3d_param { " +
           p_param + " } }",
       conv + pool);
-  expect_upgrade(
-      "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
-      "kernel_size: 1 kernel_size: 2 kernel_size: 2 stride: 2 } }",
-      "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
-      "kernel_size: 1 stride: 2 kernel_size_nd: [1, 2, 2] } }");
+  for (const char* sizes :
+       {"kernel_size: 1 kernel_size: 2 kernel_size: 2", "kernel_size: [1, 2, 2]"})
+    expect_upgrade(
+        std::string("layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { ") +
+            sizes + " stride: 2 } }",
+        "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
+        "kernel_size: 1 stride: 2 kernel_size_nd: [1, 2, 2] } }");
 }
 
 TEST(UpgradeV1, EveryTypeHasItsName) {
