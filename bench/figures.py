@@ -279,10 +279,6 @@ def accuracy():
     save(figure, 'accuracy')
 
 
-def read_scan(file):
-    return np.fromfile(file, np.float32).reshape(-1, 4)[:, :3]
-
-
 def loops_of(real, *options):
     return lines_of(real / 'nclt/bin', '--poses', real / 'nclt/poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'meters=50',
                     '--odometry-gate', 'none', *options)
@@ -300,7 +296,7 @@ def top_down(axes, clouds, title, reach=42):
 def pair(real):
     accepted = [loop for loop in loops_of(real) if loop.get('accepted')]
     loop = max(accepted, key=lambda loop: loop['score'])
-    query, place = (read_scan(real / f'nclt/bin/{loop[key]:06}.bin') for key in ('frame', 'match_frame'))
+    query, place = (np.fromfile(real / f'nclt/bin/{loop[key]:06}.bin', np.float32).reshape(-1, 4)[:, :3] for key in ('frame', 'match_frame'))
     relative = pose_of(loop['registered'])
     moved = query @ relative[:3, :3].T + relative[:3, 3]
     upright = [points[points[:, 2] > np.percentile(points[:, 2], 5) + 0.5] for points in (query, place, moved)]
@@ -317,33 +313,33 @@ def pair(real):
 
 @picture
 def loops(real):
-    """The accepted loops of a real drive, of single scans and of local maps."""
-    figure, all_axes = plt.subplots(1, 2, figsize=(9, 3.6), layout='constrained')
-    for axes, title, options in zip(all_axes, ('Single scans (default)', 'Local maps of 10 m (--local-map 10)'),
-                                    ((), ('--local-map', '10', '--sensor', 'hdl64'))):
-        lines = loops_of(real, *options)
-        at = {line['frame']: (line['position']['x'], line['position']['y']) for line in lines if 'position' in line}
-        path = np.array(list(at.values()))
-        driven = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-        with_place = [frame for frame, here, s in zip(at, path, driven) if (np.hypot(*(path[driven < s - 50] - here).T) < 5).any()]
-        accepted = [line for line in lines if line.get('accepted')]
-        pairs = np.array([(at[line['frame']], at[line['match_frame']]) for line in accepted])
-        wrong = np.hypot(*(pairs[:, 0] - pairs[:, 1]).T) > 10
-        missed = np.array([at[frame] for frame in with_place if frame not in {line['frame'] for line in accepted}]).reshape(-1, 2)
+    """The accepted loops of a real drive, whole, and where it comes back."""
+    lines = loops_of(real)
+    at = {line['frame']: (line['position']['x'], line['position']['y']) for line in lines if 'position' in line}
+    path = np.array(list(at.values()))
+    driven = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    with_place = [frame for frame, here, s in zip(at, path, driven) if (np.hypot(*(path[driven < s - 50] - here).T) < 5).any()]
+    accepted = [line for line in lines if line.get('accepted')]
+    pairs = np.array([(at[line['frame']], at[line['match_frame']]) for line in accepted])
+    wrong = np.hypot(*(pairs[:, 0] - pairs[:, 1]).T) > 10
+    missed = np.array([at[frame] for frame in with_place if frame not in {line['frame'] for line in accepted}]).reshape(-1, 2)
+    revisited = np.array([at[frame] for frame in with_place])
+    middle, low, high = revisited[:, 0].min() / 2 + revisited[:, 0].max() / 2, revisited[:, 1].min() - 8, revisited[:, 1].max() + 8
+    figure, panels = plt.subplots(1, 2, figsize=(9, 2.7), layout='constrained')
+    titles = f'NCLT, HDL-32E: {len(path)} scans, {driven[-1]:.0f} m', 'The part that is driven twice'
+    for axes, size, bar, title in zip(panels, (1, 3), (50, 20), titles):
         axes.plot(*path.T, color=GRAY, linewidth=1.5, zorder=1)
-        axes.plot(*pairs.transpose(2, 1, 0), color=RING, linewidth=0.8, zorder=2)
-        axes.scatter(*pairs[~wrong, 0].T, s=12, color=RING, zorder=3, label=f'accepted, place within 10 m: {(~wrong).sum()}')
-        axes.scatter(*missed.T, s=14, color=INK, marker='x', linewidth=0.8, zorder=3, label=f'not accepted, place within 5 m: {len(missed)}')
-        axes.scatter(*pairs[wrong, 0].T, s=18, color='#dc2626', zorder=4, label=f'accepted, incorrect place: {wrong.sum()}')
-        axes.set(title=title, xticks=[], yticks=[])
-        axes.set_aspect('equal')
+        axes.plot(*pairs.transpose(2, 1, 0), color=RING, linewidth=0.6 * size, zorder=2)
+        for points, color, marker, area, what in ((pairs[~wrong, 0], RING, 'o', 5, 'accepted loops, correct'),
+                                                  (pairs[wrong, 0], '#dc2626', 'o', 12, 'accepted loops, incorrect'),
+                                                  (missed, INK, 'x', 12, 'places not accepted')):
+            axes.scatter(*points.T, s=area * size, color=color, marker=marker, zorder=3, label=f'{what}: {len(points)}')
+        axes.set(title=title, xticks=[], yticks=[], aspect='equal', **({'xlim': (middle - 70, middle + 70), 'ylim': (low, high)} if size > 1 else {}))
         axes.spines[:].set(visible=True, color='#d1d5db')
-        axes.legend(fontsize=8, loc='lower left')
-        revisited = np.array([at[frame] for frame in with_place])
-        low, high = revisited.min(axis=0) - 12, revisited.max(axis=0) + 12
-        axes.set(xlim=(low[0] - 90, high[0]), ylim=(low[1], high[1]))
-        axes.plot([high[0] - 25, high[0] - 5], [low[1] + 4] * 2, color=INK, linewidth=2)
-        axes.text(high[0] - 15, low[1] + 5, '20 m', ha='center', va='bottom', fontsize=8)
+        right, bottom = axes.get_xlim()[1], axes.get_ylim()[0]
+        axes.plot([right - bar - 5, right - 5], [bottom + bar / 5] * 2, color=INK, linewidth=2)
+        axes.text(right - bar / 2 - 5, bottom + bar / 4, f'{bar} m', ha='center', va='bottom', fontsize=8)
+    panels[0].legend(fontsize=7, loc='lower left')
     save(figure, 'loops')
 
 
@@ -356,16 +352,13 @@ def main():
     os.environ['REVISIT'] = str(options.revisit)
     names = options.name or [*CHARTS, *(PICTURES if options.revisit and options.real.exists() else ())]
     for name in names:
-        if name in PICTURES:
-            if not options.revisit:
-                raise SystemExit(f'figures: {name}: missing option --revisit PROGRAM')
+        if name in PICTURES and options.revisit:
             PICTURES[name](options.real)
         elif name in CHARTS:
             CHARTS[name]()
         else:
-            raise SystemExit(f'figures: {name}: no such picture (expected one of {", ".join([*CHARTS, *PICTURES])})')
-    return 0
+            raise SystemExit(f'figures: {name}: expected one of {", ".join(CHARTS)}, or with --revisit PROGRAM of {", ".join(PICTURES)}')
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    main()

@@ -46,8 +46,7 @@ def cell(value):
 
 
 def with_interval(row):
-    """Returns AP and its 95 % interval."""
-    interval = row.get('ap_interval')
+    interval = row.get('ap_interval')  # 95 %
     return cell(row['ap']) + (f' [{interval[0]:.2f}, {interval[1]:.2f}]' if interval else '')
 
 
@@ -111,11 +110,10 @@ def brief_table(first, groups):
     for title, rows in groups.items():
         ours = [row for row in rows if row['name'] == 'rings']
         accepted = f'{sum(row["accepted_correct"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
-        best = [best_mean(rows, names) for names in BRIEF.values()]
-        values = [cell(mean) + (f' ({n})' if 0 < n < len(ours) else '') for mean, n in best]
+        values = [cell(mean) + (f' ({n})' if 0 < n < len(ours) else '') for mean, n in (best_mean(rows, names) for names in BRIEF.values())]
         if len(ours) == 1:
-            values = [with_interval(max(of, key=lambda row: row['ap'])) if of else '-'
-                      for of in ([row for row in rows if row['name'] in names] for names in BRIEF.values())]
+            found = ([row for row in rows if row['name'] in names] for names in BRIEF.values())
+            values = [with_interval(max(of, key=lambda row: row['ap'])) if of else '-' for of in found]
         lines.append([title, *values, accepted, str(sum(row['accepted_incorrect'] for row in ours))])
     return markdown([first, *BRIEF, 'loops accepted', 'incorrect loops'], lines)
 
