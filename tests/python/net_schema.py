@@ -1,6 +1,6 @@
 """The JSON schema of `revisit net inspect|profile --format json`, from tools/reports.proto and its comments.
 
-  env PYTHONPATH=build/dev/python python3 tests/python/net_schema.py > docs/data/net.schema.json
+  env PYTHONPATH=build/dev/python python3 tests/python/net_schema.py > docs/data/schemas/net.json
 """
 
 import json
@@ -11,7 +11,7 @@ from pathlib import Path
 from google.protobuf import descriptor_pb2
 
 ROOT = Path(__file__).resolve().parents[2]
-FILE = ROOT / 'docs' / 'data' / 'net.schema.json'
+FILE = ROOT / 'docs' / 'data' / 'schemas' / 'net.json'
 Field = descriptor_pb2.FieldDescriptorProto
 TYPES = {Field.TYPE_STRING: 'string', Field.TYPE_DOUBLE: 'number', Field.TYPE_INT32: 'integer', Field.TYPE_BOOL: 'boolean'}
 MESSAGE = 4  # numbers of these fields in FileDescriptorProto and DescriptorProto: paths of comments

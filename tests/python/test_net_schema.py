@@ -1,4 +1,4 @@
-"""What `revisit net inspect|profile --format json` prints matches docs/data/net.schema.json."""
+"""What `revisit net inspect|profile --format json` prints matches docs/data/schemas/net.json."""
 
 import json
 import os

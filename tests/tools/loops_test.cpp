@@ -511,7 +511,7 @@ TEST_F(Loops, RejectInvalidOptions) {
   fails("map build " + path("town1"), 2, "--map");
   fails(loops("-o /nowhere/x.csv"), 1, "/nowhere/x.csv");
   fails("loops /nowhere", 3, "/nowhere");
-  fails("locate x.map /nowhere.bin", 3, "/nowhere.bin: cannot open");
+  fails("locate x.map /nowhere.bin", 3, "x.map: there is no such map");
   fails("locate x.map x.bin --threshold 1 --target-precision 0.9", 2, "one of the two");
   fails("map info /nowhere.map", 3, "/nowhere.map");
 }

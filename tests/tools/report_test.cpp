@@ -347,7 +347,7 @@ TEST_F(ReportInABrowser, DrawsPerturbedQueriesSideBySide) {
            path("results") + " --no-report --feature " + feature);
   run_ok("report " + path("results") + " -o " + path("r.html"));
   const std::string dom = drawn(path("r.html"));
-  for (const char* shown : {">00, scan-context: self<", ">00, m2dp: self<", ">pitch 5 deg<"})
+  for (const char* shown : {">00, scan-context: self<", ">00, m2dp: self<", ">pitch=5<"})
     EXPECT_HAS(dom, shown);
   EXPECT_EQ(dom.find("perturbed2"), std::string::npos) << "one table";
 }
