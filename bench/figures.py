@@ -330,9 +330,9 @@ def loops(real):
     for axes, size, bar, title in zip(panels, (1, 3), (50, 20), titles):
         axes.plot(*path.T, color=GRAY, linewidth=1.5, zorder=1)
         axes.plot(*pairs.transpose(2, 1, 0), color=RING, linewidth=0.6 * size, zorder=2)
-        for points, color, marker, area, what in ((pairs[~wrong, 0], RING, 'o', 5, 'accepted loops, correct'),
-                                                  (pairs[wrong, 0], '#dc2626', 'o', 12, 'accepted loops, incorrect'),
-                                                  (missed, INK, 'x', 12, 'places not accepted')):
+        for points, color, marker, area, what in ((pairs[~wrong, 0], RING, 'o', 5, 'accepted loops, within 10 m'),
+                                                  (pairs[wrong, 0], '#dc2626', 'o', 12, 'accepted loops, beyond 10 m'),
+                                                  (missed, INK, 'x', 12, 'places within 5 m, not accepted')):
             axes.scatter(*points.T, s=area * size, color=color, marker=marker, zorder=3, label=f'{what}: {len(points)}')
         axes.set(title=title, xticks=[], yticks=[], aspect='equal', **({'xlim': (middle - 70, middle + 70), 'ylim': (low, high)} if size > 1 else {}))
         axes.spines[:].set(visible=True, color='#d1d5db')
