@@ -4,6 +4,7 @@
 #include <map>
 #include <numeric>
 
+#include "layers/batch_norm.h"
 #include "net_impl.h"
 #include "revisit/base/hash.h"
 
@@ -128,11 +129,9 @@ Filler constant(float value) {
   return filler;
 }
 
-/// SegNet's BN has scale and shift; PSPNet's has slope, bias, mean and variance.
 Filler filler_of_bn(const caffe::BNParameter& bn, size_t blob) {
   if (blob > 1) return constant(blob == 3 && bn.frozen() ? 1 : 0);
-  if (bn.has_scale_filler() || bn.has_shift_filler() || bn.has_bn_mode())
-    return blob == 0 ? bn.scale_filler() : bn.shift_filler();
+  if (is_of_segnet(bn)) return blob == 0 ? bn.scale_filler() : bn.shift_filler();
   return blob == 0 ? bn.slope_filler() : bn.bias_filler();
 }
 
@@ -140,11 +139,7 @@ Filler filler_of(const caffe::LayerParameter& layer, size_t blob, const Shape& s
   const std::string& type = layer.type();
   if (type == "BN") return filler_of_bn(layer.bn_param(), blob);
   if (type == "BatchNorm" && blob < 3)
-    return constant(blob == 2 && (layer.batch_norm_param().scale_bias() ||
-                                  layer.batch_norm_param().has_scale_filler() ||
-                                  layer.batch_norm_param().has_bias_filler())
-                        ? 1
-                        : 0);
+    return constant(blob == 2 && has_scale_and_bias(layer.batch_norm_param()) ? 1 : 0);
   const auto* found = std::ranges::find(kFillers, type, &LayerFillers::type);
   if (found == kFillers.end()) return constant(0);
   const LayerFillers& fillers = *found;

@@ -29,7 +29,7 @@ struct UnreadPart {
   enum class Effect {
     kNone,         // no effect on inference
     kOnLoss,       // changes the value of a loss
-    kOutside,      // no effect on the layer as far as this schema shows
+    kOutside,      // outside of layer parameters: may be ignored on request
     kOnPrecision,  // data types of Intel's quantized layers, whose weights are in float32
     kUnknown       // may change results: must not be ignored
   };

@@ -203,7 +203,8 @@ def _check_layers(graph, model, names, inputs, values):
 def _check_outputs(file, graph, inputs, expected, options):
     model = Model(str(file))
 
-    boxes = {name for name, value in graph.outputs if value in of_boxes(graph)}
+    hidden = of_boxes(graph)
+    boxes = {name for name, value in graph.outputs if value in hidden}
 
     def require(what, arrays, outputs):
         found = model.run(arrays, list(outputs))

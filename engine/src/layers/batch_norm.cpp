@@ -1,3 +1,5 @@
+#include "layers/batch_norm.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -81,7 +83,7 @@ class BatchNorm : public BatchNormalization {
  public:
   explicit BatchNorm(const caffe::LayerParameter& param)
       : BatchNormalization("BatchNorm", "batch-norm", is_of_batch(param)),
-        has_scale_(has_scale(param.batch_norm_param())),
+        has_scale_(has_scale_and_bias(param.batch_norm_param())),
         eps_(param.batch_norm_param().eps()) {
     constexpr float kMinEpsOfCudnn = 1e-5F;
     if (has_scale_) eps_ = std::max(eps_, kMinEpsOfCudnn);
@@ -98,14 +100,10 @@ class BatchNorm : public BatchNormalization {
   }
 
  private:
-  static bool has_scale(const caffe::BatchNormParameter& own) {
-    return own.scale_bias() || own.has_scale_filler() || own.has_bias_filler();
-  }
-
   static bool is_of_batch(const caffe::LayerParameter& param) {
     const caffe::BatchNormParameter& own = param.batch_norm_param();
-    return own.has_use_global_stats() && !has_scale(own) ? !own.use_global_stats()
-                                                         : is_for_training(param);
+    return own.has_use_global_stats() && !has_scale_and_bias(own) ? !own.use_global_stats()
+                                                                  : is_for_training(param);
   }
 
   std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const override {
@@ -156,10 +154,6 @@ class Bn : public BatchNormalization {
   }
 
  private:
-  static bool is_of_segnet(const Param& param) {
-    return param.has_scale_filler() || param.has_shift_filler() || param.has_bn_mode();
-  }
-
   std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const override {
     std::vector<ChannelNorm> norms;
     for (size_t c = 0; c < weights[0].values.size(); ++c) {

@@ -203,16 +203,19 @@ PointCloud standing_points(const PointCloud& cloud, const FreeSpace& scan,
   constexpr int kConfirmations = 3;  // that outweigh a contradiction
   const auto moves = [&](const Point& p) {
     const Eigen::Vector3d point(p.x, p.y, p.z);
-    const auto count = [&](const auto& shows) {
-      return std::ranges::count_if(others, [&](const PlacedSpace& other) {
-        return other.first.parts().scan.parts().tree &&
-               shows(other.first.parts(), std::max(scan.scale(), other.first.scale()),
-                     other.second * point);
-      });
+    const auto each = [&](const auto& take) {
+      for (const auto& [other, T_other_scan] : others)
+        if (other.parts().scan.parts().tree)
+          take(other.parts(), std::max(scan.scale(), other.scale()), T_other_scan * point);
     };
-    if (count(floats) < kLeast) return false;  // faster than the search for neighbors
-    const auto contradicted = count([](const auto&... at) { return shown_by(at...) < 0; });
-    const auto confirmed = count([](const auto&... at) { return shown_by(at...) > 0; });
+    int floating = 0, contradicted = 0, confirmed = 0;
+    each([&](const auto&... at) { floating += floats(at...) ? 1 : 0; });
+    if (floating < kLeast) return false;  // faster than the search for neighbors
+    each([&](const auto&... at) {
+      const int shown = shown_by(at...);
+      contradicted += shown < 0 ? 1 : 0;
+      confirmed += shown > 0 ? 1 : 0;
+    });
     return contradicted >= kLeast && kConfirmations * contradicted >= confirmed;
   };
   PointCloud kept;

@@ -26,8 +26,9 @@ def get_layer_label(layer, rankdir, display_lrm=False):
     parts = [layer.name, f'({layer.type})']
     if layer.type in ('Convolution', 'Deconvolution'):
         p = layer.convolution_param
-        sizes = [list(values)[:1] or [default] for values, default in ((p.kernel_size, p.kernel_h or 1), (p.stride, 1), (p.pad, 0))]
-        parts.append('kernel size: {} stride: {} pad: {}'.format(*(size[0] for size in sizes)))
+        kernel, stride, pad = (next(iter(values), default)
+                               for values, default in ((p.kernel_size, p.kernel_h or 1), (p.stride, 1), (p.pad, 0)))
+        parts.append(f'kernel size: {kernel} stride: {stride} pad: {pad}')
     elif layer.type == 'Pooling':
         p = layer.pooling_param
         parts.append(f'{p.PoolMethod.Name(p.pool)} kernel size: {p.kernel_size} stride: {p.stride} pad: {p.pad}')

@@ -43,13 +43,17 @@ def _decoded(g, p, targets, priors):
         return g.node('Add', part[0], targets)
     middle = g.affine(g.node('Add', first, last), 0.5)
     center = g.node('Add', g.node('Mul', _columns(g, targets, 0, 2), size), middle)
-    half = g.affine(g.node('Mul', g.node('Exp', _columns(g, targets, 2, 4)), size), 0.5)
+    return _corners(g, center, g.node('Mul', g.node('Exp', _columns(g, targets, 2, 4)), size))
+
+
+def _corners(g, center, size):
+    half = g.affine(size, 0.5)
     return g.node('Concat', g.node('Sub', center, half), g.node('Add', center, half), axis=-1)
 
 
-def _kept(g, boxes, scores, overlap, score):
-    """Returns indices in boxes [n][m][4] and scores [n][1][m], flattened, by n, then best first."""
-    chosen = g.node('NonMaxSuppression', boxes, scores, g.integers(ALL), g.constant([overlap]), g.constant([score]))
+def _kept(g, boxes, scores, overlap, score, **form):
+    """Returns n and m of the kept among boxes [n][m][4] with scores [n][1][m], by n, then best first."""
+    chosen = g.node('NonMaxSuppression', boxes, scores, g.integers(ALL), g.constant([overlap]), g.constant([score]), **form)
     group, place = (g.reshape(_columns(g, chosen, i, i + 1), -1) for i in (0, 2))
     return group, place
 
@@ -139,12 +143,9 @@ def _yolo(g, site, p, anchors, images, score, limit):
     boxes, objects, classes = (part[0] if len(part) == 1 else g.node('Concat', *part, axis=0) for part in zip(*parts))
     values, label = g.node('TopK', g.node('Mul', g.node('Sigmoid', objects), score(classes)), g.integers(1), axis=1, n_outputs=2)
     values = g.reshape(values, -1)
-    chosen = g.node('NonMaxSuppression', g.reshape(boxes, 1, -1, 4), g.reshape(values, 1, 1, -1), g.integers(ALL),
-                    g.constant([overlap]), g.constant([limit]), center_point_box=1)
-    kept = g.reshape(_columns(g, chosen, 2, 3), -1)
+    _, kept = _kept(g, g.reshape(boxes, 1, -1, 4), g.reshape(values, 1, 1, -1), overlap, limit, center_point_box=1)
     box, scores = g.node('Gather', boxes, kept), g.node('Gather', values, kept)
-    center, half = _columns(g, box, 0, 2), g.affine(_columns(g, box, 2, 4), 0.5)
-    corners = g.node('Concat', g.node('Sub', center, half), g.node('Add', center, half), axis=-1)
+    corners = _corners(g, _columns(g, box, 0, 2), _columns(g, box, 2, 4))
     label = g.affine(g.to_float(g.node('Gather', g.reshape(label, -1), kept)), shift=1.0)
     return _rows(g, (g.affine(scores, 0.0), label, scores), corners, 1)
 
