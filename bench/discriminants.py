@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Scan Context and M2DP with the discriminant analysis of ring descriptors (docs/METHODS.md), trained on the same drives.
+"""Scan Context and M2DP with the discriminant analysis of ring descriptors (docs/reference/METHODS.md), trained on the same drives.
 
   revisit simulate -o town-3 --route both --length 2400 --every 4 --seed 3          (and 7, 8; delete the folders after `features`)
   discriminants.py features town-3 -o town-3.npz

@@ -1,4 +1,4 @@
-"""Drives for foreign methods, judged as `revisit eval` judges its own in driving order (docs/EVALUATION.md).
+"""Drives for foreign methods, judged as `revisit eval` judges its own in driving order (docs/reference/EVALUATION.md).
 
 Queries and candidates are those of the protocol `online`, but only keyframes are candidates. An answer to a query is
 (place, score, accepted): place is None if the method found none, accepted is None if the method has no threshold.

@@ -165,6 +165,6 @@ def write(page):
 
 
 if __name__ == '__main__':
-    for page in (ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))):
+    for page in (ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))):
         if MARK.search(page.read_text()):
             write(page)

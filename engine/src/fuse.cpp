@@ -253,7 +253,7 @@ bool Net::takes_single_channel_input() const {
   return single_channel_obstacle(*impl_, operations_of(*impl_, shapes), id, shapes[id]).empty();
 }
 
-// docs/ACCURACY.md has the rule, and errors of nets with and without it.
+// docs/reference/ACCURACY.md has the rule, and errors of nets with and without it.
 std::vector<bool> sensitive_values(const Graph& graph) {
   struct Later {
     bool amplified = false, compared = false;

@@ -14,7 +14,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Caffe's rule (docs/LAYERS.md point 8): legacy shapes compare right-aligned.
+/// Caffe's rule (docs/reference/LAYERS.md point 8): legacy shapes compare right-aligned.
 bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   if (!blob.legacy_shape) return blob.shape == wanted.axes();
   if (wanted.rank() > blob.shape.size()) return false;

@@ -8,7 +8,7 @@ from pathlib import Path
 from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parents[2]
-OUTSIDE = {'README.md': 'index.md', 'HACKING.md': 'HACKING.md', 'CHANGELOG.md': 'CHANGELOG.md'}
+OUTSIDE = {'README.md': 'overview.md', 'HACKING.md': 'HACKING.md', 'CHANGELOG.md': 'CHANGELOG.md'}
 REPOSITORY = os.environ.get('REVISIT_REPOSITORY', '')  # address of the sources, as https://github.com/NAME/revisit
 PROGRAM = os.environ.get('REVISIT_PROGRAM', str(ROOT / 'build' / 'release' / 'tools' / 'revisit'))
 COMMAND = re.compile(r'^  ([a-z][a-z-]+) {2,}\S', re.M)

@@ -1,4 +1,4 @@
-"""Evaluation of place recognition: precision and recall of your own matches, and the protocols of docs/EVALUATION.md."""
+"""Evaluation of place recognition: precision and recall of your own matches, and the protocols of docs/reference/EVALUATION.md."""
 
 from dataclasses import dataclass
 

@@ -271,7 +271,7 @@ class Checker:
             self.fault(document, block.line, done.stderr)
 
     def check_numbers(self, readme):
-        pages = ''.join(page.read_text() for page in [*(ROOT / 'docs').glob('*.md'), *(ROOT / 'docs/data').glob('*.csv')])
+        pages = ''.join(page.read_text() for page in [*(ROOT / 'docs').rglob('*.md'), *(ROOT / 'docs/data').glob('*.csv')])
         known = set(re.findall(r'\d+\.\d+', pages))
         for number, line in enumerate(readme.read_text().splitlines(), 1):
             for cell in line.split('|')[2:] if line.startswith('|') else []:

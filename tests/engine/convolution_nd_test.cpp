@@ -270,7 +270,7 @@ struct VolumeAxis {
   }
 };
 
-/// Slow twin, from the definition in docs/LAYERS.md points 1 and 2.
+/// Slow twin, from the definition in docs/reference/LAYERS.md points 1 and 2.
 std::vector<float> pooled(const std::vector<float>& volume, const std::vector<VolumeAxis>& axes,
                           const Shape& out, bool is_max) {
   std::vector<float> result;

@@ -1,5 +1,5 @@
 // Unusual prototxts must be accepted or rejected as by the original Caffe (tests/golden/parse),
-// except for the differences in docs/LAYERS.md.
+// except for the differences in docs/reference/LAYERS.md.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 
@@ -20,7 +20,7 @@ struct Verdict {
   bool unsupported = false;  // because of an unknown layer type
 };
 
-/// Intended differences to Caffe, each with a row of docs/LAYERS.md that begins with the name.
+/// Intended differences to Caffe, each with a row of docs/reference/LAYERS.md that begins with the name.
 struct Difference {
   const char* name;
   bool we_accept;
@@ -110,7 +110,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
 
 TEST(ParseVerdicts, DifferencesAreThoseOfTheDocument) {
   std::vector<std::string> rows, listed;
-  std::istringstream text(read_file(test::project_file("docs/LAYERS.md")));
+  std::istringstream text(read_file(test::project_file("docs/reference/LAYERS.md")));
   for (std::string line; std::getline(text, line);) {
     constexpr std::string_view start = "| `";
     if (line.starts_with(start))

@@ -15,7 +15,7 @@ holds() {
   dpkg-deb --contents "$package" | awk '{print $6}' >list
   for file; do grep -qE "^\./usr/$file$" list || fail "$package has no $file"; done
 }
-holds "$program" bin/revisit share/doc/revisit/{copyright,README.md,docs/FORMATS.md,changelog.gz,changelog.Debian.gz} \
+holds "$program" bin/revisit share/doc/revisit/{copyright,README.md,docs/reference/FORMATS.md,changelog.gz,changelog.Debian.gz} \
   share/man/man1/revisit{,-loops,-map-build,-net-inspect}.1.gz share/bash-completion/completions/revisit
 grep -q '\.a$\|/include/' list && fail "$program has files to compile with"
 arch=$(dpkg-architecture -qDEB_HOST_MULTIARCH 2>/dev/null || gcc -print-multiarch)

@@ -1,4 +1,4 @@
-// Rules: docs/LAYERS.md point 7.
+// Rules: docs/reference/LAYERS.md point 7.
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 

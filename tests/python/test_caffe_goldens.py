@@ -89,7 +89,7 @@ class Goldens(unittest.TestCase):
 class Verdicts(unittest.TestCase):
     """Unusual prototxts: Caffe's outputs, or its rejection."""
 
-    STRICTER = {'net_inplace_conv', 'net_inplace_pool', 'net_inplace_lrn'}  # docs/LAYERS.md
+    STRICTER = {'net_inplace_conv', 'net_inplace_pool', 'net_inplace_lrn'}  # docs/reference/LAYERS.md
     OTHER = {'engine_cudnn'}  # rejected by a Caffe without CUDA
 
     def test_every_one(self):

@@ -36,7 +36,7 @@ TEST(RandomNets, HaveWeightsInTheTypesThatTheRegistrySays) {
   EXPECT_EQ(with_weights, engine::types_with_weights());
 }
 
-/// docs/ACCURACY.md lists them.
+/// docs/reference/ACCURACY.md lists them.
 TEST(RandomNets, HaveReferenceKernelsInTheseTypes) {
   std::set<std::string> found;
   const TempDir folder;

@@ -45,7 +45,7 @@ class Reference {
 
   const Values& values() const { return values_; }
   /// Returns false for NaN, infinity, and values that another order of summation could turn into
-  /// them (docs/ACCURACY.md), which cannot be compared.
+  /// them (docs/reference/ACCURACY.md), which cannot be compared.
   bool is_far_from_overflow() const;
   /// Returns "" if `found` is correct, else the position of the fault. `insensitive` counts outputs
   /// whose tolerance is too large for a meaningful test.

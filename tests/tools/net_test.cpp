@@ -506,9 +506,9 @@ TEST_F(NetCommand, DocumentsListTheLayerTypes) {
     markdown += str("| ", layer.type, " | ", layer.origin, " | ", layer.does, " |\n");
     EXPECT_HAS(layers.out, str("\n", layer.type, ",")) << layer.type;
   }
-  const std::string page = read_file(test::project_file("docs/LAYERS.md"));
+  const std::string page = read_file(test::project_file("docs/reference/LAYERS.md"));
   EXPECT_HAS(page, "--layers -->\n" + markdown + "<!-- end -->")
-      << "docs/LAYERS.md needs the lines:\n"
+      << "docs/reference/LAYERS.md needs the lines:\n"
       << markdown;
 }
 

@@ -72,7 +72,7 @@ WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes) 
 
 namespace {
 
-/// Divides toward zero (docs/LAYERS.md point 3), so a kernel that exceeds the padded image by less
+/// Divides toward zero (docs/reference/LAYERS.md point 3), so a kernel that exceeds the padded image by less
 /// than the stride yields one window. Throws InputError if none fits.
 int64_t count_windows(const WindowAxis& axis) {
   const int64_t windows = (axis.image + 2 * axis.pad - extent(axis)) / axis.stride + 1;

@@ -97,7 +97,7 @@ Window PoolingWindow::window(size_t axis, size_t n_axes, bool checked) const {
   return result;
 }
 
-/// docs/LAYERS.md point 1. Computed in float, like in Caffe.
+/// docs/reference/LAYERS.md point 1. Computed in float, like in Caffe.
 int64_t PoolingWindow::size(const WindowAxis& axis, bool is_padded) const {
   const bool floor = param_.has_ceil_mode() ? !param_.ceil_mode()
                                             : param_.round_mode() == caffe::PoolingParameter::FLOOR;

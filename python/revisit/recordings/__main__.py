@@ -1,4 +1,4 @@
-"""Streams the scans of a recording to standard output, as `revisit` reads them (docs/FORMATS.md)."""
+"""Streams the scans of a recording to standard output, as `revisit` reads them (docs/reference/FORMATS.md)."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-// Figures: docs/ACCURACY.md.
+// Figures: docs/reference/ACCURACY.md.
 #include "float_matrix.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/engine/net.h"

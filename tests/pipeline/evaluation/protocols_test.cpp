@@ -327,7 +327,7 @@ TEST(Protocols, EveryNameHasADefinition) {
   Trajectory drive = consecutive(4541);
   drive.times.assign(drive.frames.begin(), drive.frames.end());
   ASSERT_EQ(protocols().size(), protocol_names().size());
-  const std::string documentation = read_file(test::project_file("docs/EVALUATION.md"));
+  const std::string documentation = read_file(test::project_file("docs/reference/EVALUATION.md"));
   for (const Protocol& protocol : protocols()) {
     EXPECT_FALSE(protocol.definition.empty());
     EXPECT_FALSE(protocol.source.empty());

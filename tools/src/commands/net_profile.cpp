@@ -24,7 +24,7 @@ reports::NetChange change_of(const reports::Timing& before, const reports::Timin
   change.set_now_ms(now.median());
   if (before.median() == 0 && now.median() == 0) return change;
   const double difference = now.median() - before.median();
-  // Between processes a median differs by other memory addresses, too (docs/PROFILING.md).
+  // Between processes a median differs by other memory addresses, too (docs/MODELS.md).
   const double between = 0.05 * before.median() + 0.01;
   const double low =
       difference - std::hypot(now.median() - now.low(), before.high() - before.median(), between);

@@ -219,7 +219,7 @@ void EvalOptions::declare_perturbed(Options& options) {
   options.group("Perturbed queries:")
       .option("perturb", "STEP[+STEP...][,...]",
               "queries are perturbed scans, compared with all unperturbed ones, e.g. turn, pitch=5 "
-              "or keep=0.2+sector=60; standard: a set of 19; docs/EVALUATION.md has all",
+              "or keep=0.2+sector=60; standard: a set of 19; docs/reference/EVALUATION.md has all",
               &perturb)
       .excludes({"protocol", "score", "k", "bootstrap", "keyframes", "warmup", "local-map",
                  "odometry-gate"})

@@ -54,7 +54,7 @@ std::vector<Feature> features_of(const std::vector<models::FoundModel>& networks
 Experiments parse_plan(const std::string& text, const std::string& name) {
   reports::Plan plan;
   if (!google::protobuf::TextFormat::ParseFromString(text, &plan) || plan.experiment().empty())
-    throw InputError(name, ": not a plan: expected experiments as in docs/PAPER.md");
+    throw InputError(name, ": not a plan: expected experiments as in docs/reference/PAPER.md");
   return plan.experiment();
 }
 

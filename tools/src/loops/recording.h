@@ -10,7 +10,7 @@
 namespace revisit::cli {
 
 /// True for a bag, packets, or a data set that the readers of the Python package know
-/// (docs/BAGS.md).
+/// (docs/SCANS.md).
 bool is_recording(const std::filesystem::path& data);
 
 /// Scans that come with their points.
@@ -22,7 +22,7 @@ struct RecordedScans {
   ScanStream next = {};
 };
 
-/// True for the first line of the format of docs/FORMATS.md ("Scans on standard input").
+/// True for the first line of the format of docs/reference/FORMATS.md ("Scans on standard input").
 bool begins_recorded_scans(const std::string& line);
 /// Reads that format. `source` begins messages; `first` is the first line if it is already read;
 /// `ending` explains why the stream may have ended too early. This function and `next` throw the

@@ -1,6 +1,6 @@
 """ONNX nodes of each layer type: a table from the type to a function that adds its nodes.
 
-A function takes the builder and a Site, and returns the names of the layer's outputs. docs/LAYERS.md defines Caffe's layers.
+A function takes the builder and a Site, and returns the names of the layer's outputs. docs/reference/LAYERS.md defines Caffe's layers.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Caffe's pooling, exact for every input size.
 
 Caffe has ceil((H + 2p - k) / s) + 1 windows; if some pad is not zero, one less if the last would start at or beyond H + p
-(docs/LAYERS.md point 1). The floor formula with pad p before and e = min(p + s - 1, k - 1) after gives the same number, so
+(docs/reference/LAYERS.md point 1). The floor formula with pad p before and e = min(p + s - 1, k - 1) after gives the same number, so
 ONNX's ceil mode is not needed, and e does not depend on H.
 """
 

@@ -41,7 +41,7 @@ double channel_cost(Precision values) {
   if (values == Precision::kFloat32) return 1;
   if (!has_bf16_instructions()) return 2;
   // On CPUs with tiles, the other instruction is slow: on Sapphire Rapids 58 against 115 in float32
-  // (docs/SPEED.md).
+  // (docs/reference/SPEED.md).
   return has_bf16_tiles() ? 2 : 0.5;
 }
 
