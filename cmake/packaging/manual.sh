@@ -25,4 +25,4 @@ page() {
     page "$headline_below" "$@" "$below"
   done <"$scratch/$name.below"
 }
-page 'place recognition from LiDAR scans with original Caffe networks'
+page 'loop closure detection for LiDAR SLAM, and original Caffe networks, on the CPU'

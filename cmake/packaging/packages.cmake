@@ -25,10 +25,10 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME revisit)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
-set(CPACK_DEBIAN_PROGRAM_DESCRIPTION "place recognition from LiDAR scans
-Tells a vehicle with a 360-degree LiDAR when it is back at a place it has seen.
-Each scan becomes a range image, which the first layers of a convolutional
-network describe. Original Caffe networks are read and run on the CPU.
+set(CPACK_DEBIAN_PROGRAM_DESCRIPTION "${PROJECT_DESCRIPTION}
+Recognizes the scans in which a robot returns to a place, from any direction
+and without an initial pose, and estimates the relative pose with its
+covariance. Reads and runs original Caffe networks without Caffe.
 .
 This package has the program, its manual and completion for shells.")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
@@ -36,10 +36,10 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "ca-certificates, curl")  # revisit 
 
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME librevisit-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "place recognition from LiDAR scans - development files
-Tells a vehicle with a 360-degree LiDAR when it is back at a place it has seen.
-Each scan becomes a range image, which the first layers of a convolutional
-network describe. Original Caffe networks are read and run on the CPU.
+set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "loop closure detection for LiDAR SLAM - development files
+Recognizes the scans in which a robot returns to a place, from any direction
+and without an initial pose, and estimates the relative pose with its
+covariance. Reads and runs original Caffe networks without Caffe.
 .
 This package has the static libraries, their headers, and files for CMake's
 find_package(revisit) and for pkg-config.")

@@ -1,4 +1,4 @@
-"""Original Caffe networks on the CPU, and place recognition from LiDAR scans."""
+"""Loop closure detection for LiDAR SLAM, and original Caffe networks, on the CPU."""
 
 from revisit import errors  # before _core, which raises them
 from revisit import _core

@@ -13,6 +13,7 @@
 - No page, no source file and no output of a block has one of the FORMER words: HACKING.md's glossary has the one name of each thing.
 - Programs of ```cpp pass the compiler's checks, with the public headers of the engine, of recognition, maps, loops and registration.
 - Links and pictures lead to existing files and headings. Source files that are named between backquotes exist.
+- README's tagline stands in the files that describe the project elsewhere (TAGGED), and in `revisit --help`.
 - A number with decimals in a table of the README stands in docs/, too: in a page, or in a file of docs/data/.
 - CHANGELOG.md names options of the past, so its commands are not checked.
 
@@ -53,6 +54,9 @@ FORMER = re.compile(r'false_beyond|(?:incorrect|wrong|other)_beyond|runner_up|re
 SOURCES = ('base', 'engine', 'proto', 'pipeline', 'simulator', 'tools', 'python', 'weights_conversion', 'examples', 'bench', 'tests')
 # An equation or relation with spaces around its sign, a power, a sum, or a sign between a call or a single letter and a term.
 FORMULA = re.compile(r'\s(?:=|<|>|<=|>=)\s|\w\^|\bsum over\b|\b(?:sqrt|exp)\(|\)\s[-+/]\s\w|(?<![\w.])[a-z]\s[-+/]\s[a-z](?!\w)')
+# Have the tagline of README, its line in bold.
+TAGGED = ('CITATION.cff', 'CMakeLists.txt', 'cmake/packaging/manual.sh', 'examples/ros2/package.xml', 'packaging/site/Doxyfile',
+          'packaging/site/mkdocs.yml', 'pyproject.toml', 'python/revisit/__init__.py', '.github/workflows/release.yml')
 ABBREVIATIONS = ('e.g.', 'i.e.', 'al.', 'vs.', 'cf.')
 
 
@@ -241,6 +245,13 @@ class Checker:
                     for word in FORMER.findall(line):
                         self.fault(file, number, f'"{word}" is a former word; the glossary of HACKING.md has the present one')
 
+    def check_tagline(self):
+        tagline = re.search(r'(?m)^\*\*(.+)\.\*\*$', (ROOT / 'README.md').read_text())[1].lower()
+        texts = {ROOT / name: (ROOT / name).read_text() for name in TAGGED} | {ROOT / 'revisit --help': self.help_of(self.program)}
+        for file, text in texts.items():
+            if tagline not in ' '.join(text.lower().split()):
+                self.fault(file, 1, f'README has another tagline: {tagline}')
+
     def check_code(self, document, prose):
         for number, line in enumerate(prose, 1):
             for code in re.findall(r'`(revisit [^`]+)`', line):
@@ -347,6 +358,7 @@ def main():
         make_things(program, things)
         if not arguments.document:
             checker.check_sources()
+            checker.check_tagline()
         for document in [d.resolve() for d in arguments.document] or documents():
             blocks, prose = split(document)
             checker.check_wording(document, prose)

@@ -12,11 +12,14 @@
 namespace revisit::cli {
 namespace {
 
+const std::string kTagline =
+    "loop closure detection for LiDAR SLAM, and original Caffe networks, on the CPU";
+
 std::string introduction() {
   const std::string codes = joined(exit_codes(), "; ", [](const auto& one) {
     return str(static_cast<int>(one.first), " ", one.second);
   });
-  return "revisit: place recognition from LiDAR scans with original Caffe networks.\n\n" +
+  return wrapped("revisit: " + kTagline + ".", 0, 0) + "\n" +
          wrapped("Exit codes: " + codes + ".", 0, 0);
 }
 
@@ -48,7 +51,7 @@ Command simulate_command() {
 
 Command revisit_program() {
   return {"revisit",
-          "place recognition from LiDAR scans with original Caffe networks",
+          kTagline,
           introduction(),
           "",
           {},
