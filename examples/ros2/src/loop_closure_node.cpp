@@ -1,4 +1,4 @@
-// ROS 2 node that finds loop closures and places of a map; README.md has topics and parameters.
+// ROS 2 node that finds loop closures and places of a map; docs/ROS.md has topics and parameters.
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
