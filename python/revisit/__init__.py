@@ -2,10 +2,11 @@
 
 from revisit import errors  # before _core, which raises them
 from revisit import _core
-from revisit._core import __version__  # noqa: E402
 from revisit import engine, proto  # noqa: E402
 from revisit.errors import (  # noqa: E402
     Error, InputError, Interrupted, MemoryError, UnsupportedError, UsageError)
+
+__version__: str = getattr(_core, '__version__')  # which the stubs lack
 
 __all__ = [
     'Error', 'InputError', 'Interrupted', 'MemoryError', 'UnsupportedError', 'UsageError',

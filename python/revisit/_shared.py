@@ -10,7 +10,7 @@ from .errors import Error
 _threads = None
 
 
-def threads():
+def threads() -> int:
     """Returns the threads of a forward pass: set_threads(), else OMP_NUM_THREADS, else the CPUs of this process."""
     if _threads is not None:
         return _threads
@@ -20,7 +20,7 @@ def threads():
     return len(os.sched_getaffinity(0))
 
 
-def set_threads(number):
+def set_threads(number: int | None) -> None:
     """Sets the number of threads of later forward passes; None: the default. Results do not depend on it."""
     global _threads
     if number is not None and int(number) < 1:

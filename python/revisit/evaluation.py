@@ -1,8 +1,10 @@
 """Evaluation of place recognition: precision and recall of your own matches, and the protocols of docs/reference/EVALUATION.md."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from revisit._core.evaluation import (
     ListedPairs, Match, MatchLabel, PairResult, PrIntervals, Protocol, PrSummary, Task, Trajectory, blocks_of, bootstrap,
@@ -14,12 +16,15 @@ __all__ = [
     'precision_recall', 'protocols', 'read_pairs', 'retrieve', 'summarize']
 
 
-def labels(scores, correct, positive=None, ignored=None) -> list[MatchLabel]:
+def labels(scores: ArrayLike, correct: ArrayLike, positive: ArrayLike | None = None,
+           ignored: ArrayLike | None = None) -> list[MatchLabel]:
     """Labels of your own matches, one per query, for precision_recall(), summarize() and bootstrap().
 
+    scores: float64 [queries]. The others are bool [queries].
     correct: the best match of the query is correct.
     positive: the query has a correct match in the database; None: equal to `correct`.
-    ignored: the best match counts as neither.
+    ignored: the best match counts as neither; None: never.
+    Raises ValueError for another shape, TypeError for other types and masked arrays.
     """
     if any(isinstance(given, np.ma.MaskedArray) for given in (scores, correct, positive, ignored)):
         raise TypeError('labels: expected arrays without mask, found a masked array; remove the masked queries or mark them ignored')
@@ -36,17 +41,17 @@ def labels(scores, correct, positive=None, ignored=None) -> list[MatchLabel]:
 
 @dataclass
 class Evaluation:
-    """Result of one task."""
+    """Result of one task. intervals: None without resamples. curve: see precision_recall(). matches, labels: one per query."""
 
     task: Task
     summary: PrSummary
     intervals: PrIntervals | None
-    curve: dict[str, np.ndarray]
+    curve: dict[str, NDArray[Any]]
     matches: list[Match]        # empty if the task decides on pairs
     labels: list[MatchLabel]
 
 
-def evaluate(task: Task, trajectory: Trajectory, *, descriptors=None, matches: list[Match] | None = None, k: int = 4,
+def evaluate(task: Task, trajectory: Trajectory, *, descriptors: NDArray[np.float32] | None = None, matches: list[Match] | None = None, k: int = 4,
              score: str | None = None, resamples: int = 1000, block: str | None = None, threads: int = 1) -> Evaluation:
     """Evaluates descriptors or your own matches on a task.
 
@@ -55,6 +60,7 @@ def evaluate(task: Task, trajectory: Trajectory, *, descriptors=None, matches: l
     k, score: see retrieve().
     resamples: number of bootstrap resamples; 0: no intervals.
     block: length of bootstrap blocks; see blocks_of().
+    Raises ValueError unless exactly one of both is given, and what retrieve(), label_matches() and blocks_of() raise.
     """
     if (descriptors is None) == (matches is None):
         raise ValueError('evaluate: expected exactly one of descriptors and matches')

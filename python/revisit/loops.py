@@ -1,25 +1,27 @@
 """Online loop detection in any recording that revisit.recordings reads, as `revisit loops` does it."""
 
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from revisit import datasets
 from revisit.errors import InputError
-from revisit.maps import Detection
+from revisit.maps import Detection, LoopDetector
 from revisit.recordings import Scan
 
 __all__ = ['Visit', 'recognize']
 
 
 class Visit(NamedTuple):
-    """A scan with its detection. points: as they were recognized; None if the scan could not be read."""
+    """A scan with its detection. points: as they were recognized, [n][3 or more] [m]; None if the scan could not be read."""
     scan: Scan
     found: Detection
-    points: np.ndarray | None
+    points: NDArray[Any] | None
 
 
-def recognize(scans, detector, deskew=True):
+def recognize(scans: Iterable[Scan], detector: LoopDetector, deskew: bool = True) -> Iterator[Visit]:
     """Passes the scans to a LoopDetector and yields a Visit for each.
 
     deskew: remove the motion distortion of scans with times of points, if they and the previous scan have times and poses.

@@ -11,7 +11,7 @@ __all__ = [
     'merge_maps', 'open_map']
 
 
-def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *,
+def open_map(file: str | os.PathLike[str] | None = None, sensor: str | None = None, *,
              model: recognition.RingModel | None = None, warmup: int = 128, threads: int = 1, mount: str = '',
              local_map: float = 0) -> Map:
     """Opens the map `file` of ring descriptors, or a server's address. It is created if missing; None: a temporary map.

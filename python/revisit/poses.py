@@ -7,6 +7,7 @@ right, y down, z forward) in files of KITTI.
 import warnings
 
 import numpy as np
+from numpy.typing import NDArray
 
 from revisit._core.datasets import read_extrinsic, read_trajectory
 from revisit.errors import InputError
@@ -17,7 +18,7 @@ AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0,
 """T_camera_lidar of a forward-looking camera, which converts its poses: T_world_camera @ AXES_OF_CAMERA is T_world_lidar."""
 
 
-def rigid(translations, quaternions):
+def rigid(translations: NDArray[np.float64], quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns [n][4][4] of translations [n][3] and quaternions [n][4] (x, y, z, w, any norm); NaN for a zero quaternion."""
     with np.errstate(invalid='ignore'):
         x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from revisit import errors
 
@@ -23,12 +24,12 @@ def path() -> Path:
     return bundled
 
 
-def environment() -> dict:
+def environment() -> dict[str, str]:
     """Returns the environment of the program, which reads recordings by this package."""
     return {'REVISIT_PYTHON': sys.executable} | os.environ
 
 
-def run(*arguments, **options) -> subprocess.CompletedProcess:
+def run(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
     """Runs `revisit ARGUMENTS`, e.g. run('loops', folder). Captures the output as text; `options` are those of subprocess.run().
 
     Raises UsageError, InputError, UnsupportedError or Interrupted by the exit code, else Error, with the program's message.
@@ -42,7 +43,7 @@ def run(*arguments, **options) -> subprocess.CompletedProcess:
     raise ERRORS.get(done.returncode, errors.Error)((done.stderr or f'revisit: exit code {done.returncode}').strip())
 
 
-def main(*command):
+def main(*command: str) -> int:
     """The command `revisit`. Replaces this process with the program."""
     try:
         program = path()
@@ -52,6 +53,6 @@ def main(*command):
     os.execve(program, ['revisit', *command, *sys.argv[1:]], environment())
 
 
-def loops():
+def loops() -> int:
     """The command `revisit-loops`: `revisit loops`."""
     return main('loops')

@@ -3,9 +3,11 @@
 import contextlib
 import os
 import tempfile
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from revisit._core.recognition import (
     Alignment, FeatureExtractor, ImageGeometry, PcaResult, RingModel, ScanContextOptions, ScanFeature, Sensor,
@@ -20,8 +22,12 @@ __all__ = [
     'sensor_geometry', 'sensors', 'shipped_ring_model', 'shipped_ring_models', 'shipped_ring_sensor']
 
 
+_Rows = NDArray[np.float32] | str | os.PathLike[str]
+_Features = _Rows | Sequence[_Rows]
+
+
 @contextlib.contextmanager
-def _files(features):
+def _files(features: _Features) -> Iterator[list[Path]]:
     """Yields names of .npy files with the features: an array [n][d], such a file, which may be larger than memory, or a list."""
     several = features if isinstance(features, (list, tuple)) else [features]
     with tempfile.TemporaryDirectory(prefix='revisit_pca_') as folder:
@@ -40,12 +46,13 @@ def _files(features):
         yield names
 
 
-def fit_pca(features, components: int = 400, *, fit_rows=None, model_folder: str | os.PathLike | None = None,
-            memory_gb: float = 2, threads: int = 1) -> PcaResult:
+def fit_pca(features: _Features, components: int = 400, *, fit_rows: Iterable[int] | None = None,
+            model_folder: str | os.PathLike[str] | None = None, memory_gb: float = 2, threads: int = 1) -> PcaResult:
     """Fits principal components and projects all rows.
 
     features: float32 [n][d], a .npy file of such an array, or a list of either, whose rows are numbered consecutively.
     fit_rows: rows to fit; None: all.
+    memory_gb: limit of the working memory [GB].
     model_folder: folder to create, with mean.npy [d] and basis.npy [k][d]; descriptors are (x - mean) basis^T.
     Raises UsageError for invalid values, InputError for features that are not finite or differ in dimensions.
     """

@@ -71,6 +71,7 @@ def lines_of(file):
 
 
 def main(arguments=None) -> int:
+    """The command `python3 -m revisit.show`. Returns its exit code."""
     parser = argparse.ArgumentParser('python3 -m revisit.show', formatter_class=argparse.RawDescriptionHelpFormatter,
                                      description=__doc__, epilog=EXAMPLES)
     parser.add_argument('lines', metavar='LINES.jsonl', help='- reads standard input')

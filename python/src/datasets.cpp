@@ -22,11 +22,12 @@ using namespace nb::literals;
 
 void bind_datasets(nb::module_& module) {
   nb::class_<ScanRef>(module, "ScanRef", "One scan of a data set; read_scan(file) reads it.")
-      .def_ro("file", &ScanRef::file)
-      .def_ro("frame", &ScanRef::frame)
+      .def_ro("file", &ScanRef::file, "File of the scan.")
+      .def_ro("frame", &ScanRef::frame,
+              "Frame in the sequence; KITTI: the number in the file's name.")
       .def_prop_ro(
           "pose", [](const ScanRef& scan) { return matrix_of(scan.pose); },
-          "4 x 4 [m], T_world_cam for KITTI; None without ground truth.")
+          "T_world_sensor, for KITTI T_world_cam, float64 [4][4] [m]; None without poses.")
       .def_ro("time", &ScanRef::time, "[s], or None.")
       .def_ro("place", &ScanRef::place,
               "Name of the place in a data set sorted by places; else ''.")
@@ -34,13 +35,14 @@ void bind_datasets(nb::module_& module) {
         return str("<ScanRef ", scan.frame, " '", scan.file.string(), "'>");
       });
   nb::class_<Dataset>(module, "Dataset", "A sequence or folder of scans, in frame order.")
-      .def_ro("name", &Dataset::name)
-      .def_ro("sequence", &Dataset::sequence)
-      .def_ro("scans", &Dataset::scans, nb::rv_policy::copy)
-      .def_ro("n_poses", &Dataset::n_poses)
-      .def_ro("warnings", &Dataset::warnings)
-      .def_prop_ro("has_poses", &Dataset::has_poses)
-      .def_prop_ro("has_places", &Dataset::has_places);
+      .def_ro("name", &Dataset::name, "Name, from the folder.")
+      .def_ro("sequence", &Dataset::sequence, "Sequence, e.g. '00'; '' for a plain folder.")
+      .def_ro("scans", &Dataset::scans, nb::rv_policy::copy, "Scans in frame order.")
+      .def_ro("n_poses", &Dataset::n_poses,
+              "Poses, also of frames without a scan; 0 without poses.")
+      .def_ro("warnings", &Dataset::warnings, "What was skipped or missing.")
+      .def_prop_ro("has_poses", &Dataset::has_poses, "Every scan has a pose.")
+      .def_prop_ro("has_places", &Dataset::has_places, "Scans are sorted by places.");
   module.def(
       "open_dataset",
       [](const fs::path& root, const std::string& sequence, bool poses) {
@@ -54,7 +56,8 @@ void bind_datasets(nb::module_& module) {
       "read_scan",
       [](const fs::path& file) { return array_of(without_lock([&] { return read_scan(file); })); },
       "file"_a,
-      "Reads a scan (.bin, .pcd or .ply): float32 [n][4], x forward, y left, z up [m], intensity.");
+      "Reads a scan (.bin, .pcd or .ply): float32 [n][4], x forward, y left, z up [m], intensity. "
+      "Raises InputError with the file.");
   module.def(
       "perturb",
       [](PointsArgument points, uint64_t seed, const std::optional<std::string>& perturbation) {
@@ -145,7 +148,8 @@ void bind_datasets(nb::module_& module) {
         without_lock([&] { write_kitti_scan(file, cloud); });
       },
       "file"_a, "points"_a,
-      "Writes KITTI's .bin. The fourth column is the intensity, or 0 without intensities.");
+      "Writes KITTI's .bin atomically. The fourth column is the intensity, or 0 without "
+      "intensities. Raises Error if it cannot be written.");
   module.def("time_in_name", &time_in_name, "file"_a,
              "Parses the time [s] from a file name: SEC_NSEC.pcd, SEC.FRACTION.pcd, 16 digits of "
              "microseconds or 19 of nanoseconds. None for other names.");
@@ -157,7 +161,8 @@ void bind_datasets(nb::module_& module) {
       },
       "file"_a, "format"_a = "",
       "Reads times [s], none in KITTI's format, and poses, float64 [n][4][4], in the file's "
-      "frame.");
+      "frame.\n\nformat: 'kitti', 'tum', 'euroc'; '': detected. Raises InputError with file and "
+      "line.");
   module.def(
       "read_extrinsic",
       [](const fs::path& file) { return Matrix4d(read_extrinsic(file).matrix()); }, "file"_a,

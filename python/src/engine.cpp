@@ -185,7 +185,7 @@ void bind_net(nb::module_& module) {
            "Returns the layers that `layers` need, as a net that shares the weights and has all "
            "inputs. Outputs: those of `layers`, by port_name(), before later in-place layers. "
            "Raises UsageError for unknown layers.")
-      .def_prop_ro("name", &Net::name)
+      .def_prop_ro("name", &Net::name, "Name of the net in the prototxt.")
       .def_prop_ro(
           "inputs", [](const Net& net) { return dict_of(net.inputs()); },
           "Input shapes by blob name, as in the prototxt.")
@@ -211,27 +211,35 @@ void bind_plan(nb::module_& module) {
   nb::class_<ReceptiveField>(module, "ReceptiveField",
                              "Output pixel i sees the input pixels [start + i * stride, start + i "
                              "* stride + size). A negative start is padding.")
-      .def_ro("size", &ReceptiveField::size)
-      .def_ro("stride", &ReceptiveField::stride)
-      .def_ro("start", &ReceptiveField::start)
+      .def_ro("size", &ReceptiveField::size, "Input pixels that an output pixel sees.")
+      .def_ro("stride", &ReceptiveField::stride,
+              "Input pixels between the windows of neighboring output pixels.")
+      .def_ro("start", &ReceptiveField::start,
+              "First input pixel of output pixel 0; negative in the padding.")
       .def("__repr__", [](const ReceptiveField& field) {
         return str("ReceptiveField(size=", field.size, ", stride=", field.stride,
                    ", start=", field.start, ")");
       });
   nb::class_<LayerCost>(module, "LayerCost", "One layer of a plan, with its cost.")
-      .def_ro("name", &LayerCost::name)
-      .def_ro("type", &LayerCost::type)
+      .def_ro("name", &LayerCost::name, "Name of the layer.")
+      .def_ro("type", &LayerCost::type, "Type of the layer, e.g. 'Convolution'.")
       .def_ro("kernel", &LayerCost::kernel,
               "Name of the kernel; '' for a view of the input, 'in conv1' if fused into conv1.")
       .def_ro("selection_reason", &LayerCost::selection_reason,
               "Rule that selected the kernel of a convolution.")
-      .def_prop_ro("inputs", [](const LayerCost& cost) { return tuples_of(cost.inputs); })
-      .def_prop_ro("outputs", [](const LayerCost& cost) { return tuples_of(cost.outputs); })
+      .def_prop_ro(
+          "inputs", [](const LayerCost& cost) { return tuples_of(cost.inputs); },
+          "Shapes of the inputs.")
+      .def_prop_ro(
+          "outputs", [](const LayerCost& cost) { return tuples_of(cost.outputs); },
+          "Shapes of the outputs.")
       .def_ro("blobs", &LayerCost::blobs, "Names of the outputs in the file.")
-      .def_ro("macs", &LayerCost::macs, "Multiply-accumulates.")
+      .def_ro("macs", &LayerCost::macs, "Multiply-accumulates; 0 where not applicable.")
       .def_ro("parameters", &LayerCost::parameters, "Weights and biases.")
-      .def_ro("packed_weight_bytes", &LayerCost::packed_weight_bytes)
-      .def_ro("activation_bytes", &LayerCost::activation_bytes)
+      .def_ro("packed_weight_bytes", &LayerCost::packed_weight_bytes,
+              "Copies of the weights in the kernel's layout [bytes].")
+      .def_ro("activation_bytes", &LayerCost::activation_bytes,
+              "Memory of the outputs [bytes]; 0 if shared with the input.")
       .def_ro("field_h", &LayerCost::field_h,
               "Vertical receptive field of the first output, or None.")
       .def_ro("field_w", &LayerCost::field_w, "Horizontal receptive field, or None.")
@@ -241,17 +249,17 @@ void bind_plan(nb::module_& module) {
       });
   nb::class_<Plan>(module, "Plan",
                    "Kernels and memory layout of a network for given input shapes. Immutable.")
-      .def_prop_ro("layers", &Plan::layers, nb::rv_policy::copy)
+      .def_prop_ro("layers", &Plan::layers, nb::rv_policy::copy, "Layers in execution order.")
       .def_prop_ro(
           "inputs", [](const Plan& plan) { return dict_of(plan.inputs()); },
           "Input shapes by blob name.")
       .def_prop_ro(
           "outputs", [](const Plan& plan) { return dict_of(plan.outputs()); },
           "Output shapes by name.")
-      .def_prop_ro("arena_bytes", &Plan::arena_bytes, "Activations and scratch of one run.")
-      .def_prop_ro("weight_bytes", &Plan::weight_bytes)
+      .def_prop_ro("arena_bytes", &Plan::arena_bytes, "Activations and scratch of one run [bytes].")
+      .def_prop_ro("weight_bytes", &Plan::weight_bytes, "Weights of the file [bytes].")
       .def_prop_ro("packed_weight_bytes", &Plan::packed_weight_bytes,
-                   "Additional copies of weights in the layouts of kernels.")
+                   "Additional copies of weights in the layouts of kernels [bytes].")
       .def(
           "run", [](const Plan& plan) { return std::make_unique<Run>(plan); },
           "Creates a Run of this plan.");
@@ -261,9 +269,9 @@ void bind_plan(nb::module_& module) {
 
 void bind_engine(nb::module_& module) {
   nb::enum_<engine::Precision>(module, "Precision", "Data type of activations and weights.")
-      .value("FLOAT32", engine::Precision::kFloat32)
+      .value("FLOAT32", engine::Precision::kFloat32, "32-bit floats.")
       .value("BF16", engine::Precision::kBf16,
-             "bfloat16; sums, normalization and values in NCHW layout stay in float32");
+             "bfloat16; sums, normalization and values in NCHW layout stay in float32.");
   bind_net(module);
   bind_plan(module);
   bind_run(module);
@@ -276,7 +284,9 @@ void bind_engine(nb::module_& module) {
         return array_of(engine::filled(bytes_of(filler), engine::Shape(shape), seed), shape);
       },
       "filler"_a, "shape"_a, "seed"_a,
-      "Values of a weight blob before training. filler: a serialized FillerParameter.");
+      "Values of a weight blob before training, float32 of `shape`. filler: a serialized "
+      "FillerParameter. Raises InputError for an unknown filler, or one that does not suit the "
+      "shape.");
   module.def(
       "layer_types",
       [] {

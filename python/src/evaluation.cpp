@@ -114,29 +114,35 @@ void bind_labels(nb::module_& module) {
           [](MatchLabel* self, double score, bool correct, bool positive, bool ignored) {
             new (self) MatchLabel{score, correct, positive, ignored};
           },
-          "score"_a, "correct"_a, "positive"_a, "ignored"_a = false)
-      .def_ro("score", &MatchLabel::score)
+          "score"_a, "correct"_a, "positive"_a, "ignored"_a = false, "See the properties.")
+      .def_ro("score", &MatchLabel::score, "Score of the best match.")
       .def_ro("correct", &MatchLabel::correct, "The best match is correct.")
       .def_ro("positive", &MatchLabel::positive, "The query has a correct match in the database.")
       .def_ro("ignored", &MatchLabel::ignored, "The best match counts as neither.");
   nb::class_<PrSummary>(module, "PrSummary", "Summary metrics; NaN without positive queries.")
-      .def_ro("n_queries", &PrSummary::n_queries)
-      .def_ro("n_positives", &PrSummary::n_positives)
+      .def_ro("n_queries", &PrSummary::n_queries, "Queries with at least one decision.")
+      .def_ro("n_positives", &PrSummary::n_positives,
+              "Queries with a correct match in the database.")
       .def_ro("n_pairs", &PrSummary::n_pairs, "Pairs of a task that decides on pairs; else 0.")
-      .def_ro("n_correct_pairs", &PrSummary::n_correct_pairs)
-      .def_ro("f1_max", &PrSummary::f1_max)
-      .def_ro("f1_max_threshold", &PrSummary::f1_max_threshold)
+      .def_ro("n_correct_pairs", &PrSummary::n_correct_pairs, "Pairs of n_pairs that are correct.")
+      .def_ro("f1_max", &PrSummary::f1_max, "Maximum of F1 over the thresholds, 0 to 1.")
+      .def_ro("f1_max_threshold", &PrSummary::f1_max_threshold,
+              "Highest threshold that reaches f1_max.")
       .def_ro("average_precision", &PrSummary::average_precision,
               "Sum of (R_i - R_{i-1}) P_i, without interpolation.")
-      .def_ro("recall_at_1", &PrSummary::recall_at_1)
-      .def_ro("max_recall_at_precision_1", &PrSummary::max_recall_at_precision_1)
-      .def_ro("extended_precision", &PrSummary::extended_precision);
+      .def_ro("recall_at_1", &PrSummary::recall_at_1,
+              "Fraction of positives whose best match is correct; NaN for pairs.")
+      .def_ro("max_recall_at_precision_1", &PrSummary::max_recall_at_precision_1,
+              "Maximum recall at precision 1; 0 if the highest score is incorrect.")
+      .def_ro("extended_precision", &PrSummary::extended_precision,
+              "Mean of the precision at the highest threshold and the recall at precision 1.");
   nb::class_<PrIntervals> intervals(module, "PrIntervals",
                                     "Confidence intervals of a PrSummary, as (low, high).");
   const auto interval = [&](const char* name, std::array<double, 2> PrIntervals::*field) {
-    intervals.def_prop_ro(name, [field](const PrIntervals& self) {
-      return std::pair((self.*field)[0], (self.*field)[1]);
-    });
+    intervals.def_prop_ro(
+        name,
+        [field](const PrIntervals& self) { return std::pair((self.*field)[0], (self.*field)[1]); },
+        "Bounds of PrSummary's metric; NaN if not computed.");
   };
   interval("f1_max", &PrIntervals::f1_max);
   interval("average_precision", &PrIntervals::average_precision);
@@ -158,7 +164,8 @@ void bind_labels(nb::module_& module) {
       [](const std::vector<MatchLabel>& labels, const std::string& missed) {
         return summarize(labels, parse_missed(missed));
       },
-      "labels"_a, "missed"_a = "not-found");
+      "labels"_a, "missed"_a = "not-found",
+      "Returns the metrics of the curve; see precision_recall().");
   module.def(
       "bootstrap",
       [](const std::vector<MatchLabel>& labels, const std::string& missed,
@@ -197,9 +204,10 @@ void bind_pairs(nb::module_& module) {
           "correct: correct matches; a query with an empty set has none.\n"
           "ignored: matches that count as neither correct nor incorrect.\n"
           "complete: if True, unlisted queries have no match; else they are not evaluated.")
-      .def_ro("correct", &ListedPairs::correct)
-      .def_ro("ignored", &ListedPairs::ignored)
-      .def_ro("complete", &ListedPairs::complete);
+      .def_ro("correct", &ListedPairs::correct,
+              "Frame of a query -> frames of its correct matches.")
+      .def_ro("ignored", &ListedPairs::ignored, "Frame of a query -> frames that count as neither.")
+      .def_ro("complete", &ListedPairs::complete, "Unlisted queries have no match.");
   module.def("read_pairs", &read_pairs, "file"_a, "dataset"_a, "near"_a = 0,
              "Reads ListedPairs from a table of queries and places, named by frame or file.\n\n"
              "near: frames within this distance of a place are correct, too.\n"
@@ -220,27 +228,31 @@ void bind_tasks(nb::module_& module) {
           "times"_a = std::vector<double>(), "places"_a = std::vector<std::string>(),
           "n_poses"_a = nb::none(), "camera_axes"_a = false,
           "frames: ascending.\n"
-          "positions: [m], z up.\n"
+          "positions: float64 [scans][3] [m], z up.\n"
+          "times: [s].\n"
+          "places: names, as ground truth instead of positions.\n"
           "n_poses: number of poses of the full drive; it identifies KITTI's drives.\n"
-          "camera_axes: positions have KITTI's axes instead: x right, y down, z forward.")
+          "camera_axes: positions have KITTI's axes instead: x right, y down, z forward.\n"
+          "Raises InputError for frames that do not ascend or positions that are not finite.")
       .def("__len__", &Trajectory::size)
-      .def_ro("frames", &Trajectory::frames)
-      .def_ro("times", &Trajectory::times)
-      .def_ro("places", &Trajectory::places)
+      .def_ro("frames", &Trajectory::frames, "Frame of each scan, ascending.")
+      .def_ro("times", &Trajectory::times, "Time of each scan [s]; empty if unknown.")
+      .def_ro("places", &Trajectory::places, "Name of the place of each scan; empty without names.")
       .def_rw("listed", &Trajectory::listed,
               "ListedPairs that replace positions as ground truth, or None.");
   module.def("make_trajectory", nb::overload_cast<const Dataset&>(&make_trajectory), "dataset"_a,
              "Returns the trajectory of a data set.");
   nb::class_<Protocol>(module, "Protocol", "A named evaluation.")
-      .def_ro("name", &Protocol::name)
-      .def_ro("definition", &Protocol::definition)
+      .def_ro("name", &Protocol::name, "Name for make_tasks().")
+      .def_ro("definition", &Protocol::definition,
+              "Which scans are compared, and which matches are correct.")
       .def_ro("source", &Protocol::source, "Publication.");
   module.def("protocols", &protocols, nb::rv_policy::copy,
-             "Lists the protocols that make_tasks() accepts.");
+             "Returns the protocols that make_tasks() accepts.");
   nb::class_<Task>(module, "Task", "Database scans, query scans and the rule for correct matches.")
-      .def_ro("name", &Task::name)
-      .def_ro("definition", &Task::definition)
-      .def_ro("population", &Task::population)
+      .def_ro("name", &Task::name, "Name, e.g. 'paper-easy'.")
+      .def_ro("definition", &Task::definition, "Rule for correct matches, for display.")
+      .def_ro("population", &Task::population, "Database and queries, for display.")
       .def_ro("database", &Task::stored, "Rows of the data set that may be matched.")
       .def_prop_ro(
           "queries",
@@ -269,19 +281,22 @@ void bind_tasks(nb::module_& module) {
           "distance", [](const Task& task) { return name_of(task.rule.distance); },
           [](Task& task, const std::string& text) { task.rule.distance = parse_distance(text); },
           "'xy', 'xz', '3d', 'box', 'place' or 'pairs'.")
-      .def_prop_ro("exclusion", [](const Task& task) { return to_string(task.exclusion); })
+      .def_prop_ro(
+          "exclusion", [](const Task& task) { return to_string(task.exclusion); },
+          "Temporal neighbors that are not compared, as make_tasks() takes it.")
       .def_prop_ro(
           "decides_on_pairs", [](const Task& task) { return task.decides_on_pairs; },
           "The task accepts pairs of scans instead of the best match per query; use "
           "evaluate_pairs().")
-      .def_prop_ro("missed",
-                   [](const Task& task) { return task.rejected_only ? "rejected" : "not-found"; })
+      .def_prop_ro(
+          "missed", [](const Task& task) { return task.rejected_only ? "rejected" : "not-found"; },
+          "Definition of false negatives, as precision_recall() takes it.")
       .def_prop_ro(
           "score",
           [](const Task& task) {
             return name_of(task.margin_score ? Score::kMargin : Score::kSimilarity);
           },
-          "Score of the protocol: 'margin' or 'cosine' (the similarity).");
+          "Score of the protocol: 'margin' or 'similarity'.");
   module.def(
       "make_tasks",
       [](const std::string& protocol, const std::string& sequence, const Trajectory& trajectory,
@@ -314,8 +329,9 @@ void bind_matching(nb::module_& module) {
           "query"_a, "ranks"_a, "score"_a, "ranks: rows, best first.")
       .def_ro("query", &Match::query, "Row of the data set.")
       .def_ro("ranks", &Match::ranks, "Rows, best first.")
-      .def_ro("similarities", &Match::similarities)
-      .def_ro("score", &Match::score);
+      .def_ro("similarities", &Match::similarities,
+              "Similarities of `ranks`, descending; empty for matches of your own.")
+      .def_ro("score", &Match::score, "Score that thresholds are compared with.");
   module.def(
       "retrieve",
       [](GivenFloats array, const Task& task, int k, const std::optional<std::string>& score,
@@ -331,9 +347,10 @@ void bind_matching(nb::module_& module) {
       },
       "descriptors"_a, "task"_a, nb::kw_only(), "k"_a = SearchOptions().k, "score"_a = nb::none(),
       "threads"_a = 1,
-      "Returns the k database scans most similar to each query, by cosine.\n\n"
+      "Returns a Match per query: the k database scans most similar to it, by cosine.\n\n"
       "descriptors: float32 [scans of the data set][dimensions].\n"
-      "score: 'margin' (2 c1 - ck) or 'similarity' (c1); None: the protocol's.");
+      "score: 'margin' (2 c1 - ck) or 'similarity' (c1); None: the protocol's.\n"
+      "Raises ValueError for another number of rows, Error for values that are not finite.");
   module.def(
       "label_matches",
       [](const std::vector<Match>& matches, const Task& task, const Trajectory& trajectory) {
@@ -343,8 +360,8 @@ void bind_matching(nb::module_& module) {
       "Compares matches, in the order of task.queries, with the ground truth: one MatchLabel "
       "each.");
   nb::class_<TaskResult>(module, "PairResult", "Result of evaluate_pairs().")
-      .def_ro("summary", &TaskResult::summary)
-      .def_ro("intervals", &TaskResult::intervals)
+      .def_ro("summary", &TaskResult::summary, "Metrics over the pairs.")
+      .def_ro("intervals", &TaskResult::intervals, "95 % intervals; None without resamples.")
       .def_prop_ro(
           "curve", [](const TaskResult& result) { return columns_of(result.curve); },
           "Same columns as precision_recall(), thinned to about 1000 points.");
@@ -363,7 +380,11 @@ void bind_matching(nb::module_& module) {
       },
       "descriptors"_a, "task"_a, "trajectory"_a, nb::kw_only(), "resamples"_a = 0,
       "block"_a = nb::none(), "threads"_a = 1,
-      "Evaluates a task that accepts or rejects each pair of a query and a candidate.");
+      "Evaluates a task that accepts or rejects each pair of a query and a candidate.\n\n"
+      "descriptors: float32 [scans of the data set][dimensions].\n"
+      "resamples: of the bootstrap; 0: no intervals. block: length of its blocks, see "
+      "blocks_of().\n"
+      "Raises UsageError for a task that decides per query, or more than 2^27 pairs.");
 }
 
 }  // namespace

@@ -57,7 +57,7 @@ FeatureExtractor rings(const RingModel& model, const engine::Net* net, int dim,
 void bind_extractors(nb::module_& module) {
   nb::class_<FeatureExtractor>(module, "FeatureExtractor",
                                "A method that computes feature vectors of scans.")
-      .def_ro("name", &FeatureExtractor::name)
+      .def_ro("name", &FeatureExtractor::name, "Name, for display.")
       .def_ro("key", &FeatureExtractor::key, "Identifies everything that the values depend on.")
       .def_ro("dim", &FeatureExtractor::dim, "Dimensions of a feature.")
       .def("__repr__", [](const FeatureExtractor& extractor) {
@@ -100,8 +100,8 @@ void bind_extractors(nb::module_& module) {
 
 void bind_rings(nb::module_& module) {
   nb::class_<RingModel>(module, "RingModel", "Ring descriptor model, trained for one sensor.")
-      .def_ro("sensor", &RingModel::sensor)
-      .def_ro("image", &RingModel::image)
+      .def_ro("sensor", &RingModel::sensor, "Sensor that it was trained for.")
+      .def_ro("image", &RingModel::image, "Geometry of its range images.")
       .def_ro("trained_on", &RingModel::trained_on, "Description of the training data.")
       .def_ro("scans", &RingModel::scans, "Number of training scans.")
       .def_prop_ro("dim", &RingModel::dim, "Dimensions of a scan's feature.")
@@ -136,15 +136,18 @@ void bind_rings(nb::module_& module) {
 }
 
 void bind_baselines(nb::module_& module) {
-  bind_record<ScanContextOptions>(module, "ScanContextOptions", "Parameters of Scan Context.",
-                                  scan_context_features,  // checks them
-                                  Field{"rings", &ScanContextOptions::rings},
-                                  Field{"sectors", &ScanContextOptions::sectors},
-                                  Field{"max_range", &ScanContextOptions::max_range},
-                                  Field{"sensor_height", &ScanContextOptions::sensor_height},
-                                  Field{"candidates", &ScanContextOptions::candidates});
+  bind_record<ScanContextOptions>(
+      module, "ScanContextOptions", "Parameters of Scan Context.",
+      scan_context_features,  // checks them
+      Field{"rings", &ScanContextOptions::rings, "Radial bins."},
+      Field{"sectors", &ScanContextOptions::sectors, "Azimuth sectors."},
+      Field{"max_range", &ScanContextOptions::max_range, "Farther points are ignored [m]."},
+      Field{"sensor_height", &ScanContextOptions::sensor_height,
+            "Added to z, so that heights are positive [m]."},
+      Field{"candidates", &ScanContextOptions::candidates,
+            "Candidates by ring keys; 0: all are compared."});
   module.def("scan_context_features", &scan_context_features, "options"_a = ScanContextOptions(),
-             "Scan Context as a feature extractor.");
+             "Scan Context as a feature extractor (Kim and Kim, IROS 2018).");
   module.def("m2dp_features", &m2dp_features,
              "M2DP as a feature extractor (He et al., IROS 2016).");
 }
@@ -183,7 +186,8 @@ void bind_pca(nb::module_& module) {
           "Projections of all rows: float32 [n][rank], not whitened, not normalized; read-only.")
       .def_ro("rank", &PcaResult::rank, "Number of components kept.")
       .def_ro("variances", &PcaResult::variances, "Variance of each component over the fit rows.")
-      .def_ro("total_variance", &PcaResult::total_variance)
+      .def_ro("total_variance", &PcaResult::total_variance,
+              "Variance of all features; sum(variances) of it is explained.")
       .def_ro("note", &PcaResult::note,
               "Explanation if fewer components were kept than requested; else ''.");
   module.def(
@@ -202,7 +206,8 @@ void bind_pca(nb::module_& module) {
                                         .stop = [&] { return listener.stop(); }});
         });
       },
-      "files"_a, "components"_a, "fit_rows"_a, "model_folder"_a, "memory_gb"_a, "threads"_a);
+      "files"_a, "components"_a, "fit_rows"_a, "model_folder"_a, "memory_gb"_a, "threads"_a,
+      "See fit_pca(). files: .npy files of float32 [n][d].");
 }
 
 }  // namespace revisit::python

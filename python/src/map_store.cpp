@@ -34,15 +34,16 @@ std::vector<MapEntry> entries_of(OpenMap& map, int64_t after) {
 void bind_entry(nb::module_& module) {
   nb::class_<MapEntry>(module, "MapEntry", "A map entry.")
       .def_ro("id", &MapEntry::id, "1, 2, ... in the order of adding.")
-      .def_ro("drive", &MapEntry::drive)
-      .def_ro("frame", &MapEntry::frame)
+      .def_ro("drive", &MapEntry::drive, "Drive that the entry is from.")
+      .def_ro("frame", &MapEntry::frame, "Frame in its drive.")
       .def_ro("time", &MapEntry::time, "[s], or None.")
       .def_prop_ro(
           "pose", [](const MapEntry& entry) { return matrix_of(entry.pose); },
-          "T_world_sensor, or None.")
+          "T_world_sensor, float64 [4][4] [m], or None.")
       .def_prop_ro(
           "descriptor",
-          [](nb::handle self) { return view_of(nb::cast<const MapEntry&>(self).descriptor, self); })
+          [](nb::handle self) { return view_of(nb::cast<const MapEntry&>(self).descriptor, self); },
+          "Stored descriptor, float32 [dimensions]; empty during the warm-up.")
       .def_prop_ro(
           "feature",
           [](nb::handle self) { return view_of(nb::cast<const MapEntry&>(self).feature, self); },
@@ -66,7 +67,7 @@ void bind_open_map(nb::module_& module) {
           [](OpenMap& map) {
             return map.with([](const MapStore& store) { return store.fingerprint(); });
           },
-          nb::call_guard<Unlocked>())
+          nb::call_guard<Unlocked>(), "Settings that define the descriptors, name -> value.")
       .def_prop_ro(
           "dtype",
           [](OpenMap& map) {
@@ -99,7 +100,8 @@ void bind_open_map(nb::module_& module) {
       .def_prop_ro(
           "warnings", [](const OpenMap& map) { return map.messages.all(); },
           "Warnings about entries that could not be read.")
-      .def("close", &OpenMap::close, nb::call_guard<Unlocked>())
+      .def("close", &OpenMap::close, nb::call_guard<Unlocked>(),
+           "Closes the file or connection; later calls raise UsageError.")
       .def("__enter__", [](nb::handle self) { return nb::borrow(self); })
       .def("__exit__", [](OpenMap& map, const nb::args&) { without_lock([&] { map.close(); }); });
 }
@@ -114,7 +116,8 @@ void bind_map_store(nb::module_& module) {
       nb::call_guard<Unlocked>(), "map"_a,
       "FeatureExtractor.key of the feature that made a map; '' if there is no readable map.");
   module.def("check_map", &check_map, nb::call_guard<Unlocked>(), "file"_a,
-             "Checks a map. Returns one message per defect, none if the map is valid.");
+             "Reads a whole map. Returns one message per defect, none if the map is valid. Raises "
+             "InputError if the file is missing, Error if it cannot be opened.");
   module.def(
       "merge_maps",
       [](const std::vector<fs::path>& maps, const fs::path& file) {
@@ -125,7 +128,8 @@ void bind_map_store(nb::module_& module) {
       },
       nb::call_guard<Unlocked>(), "maps"_a, "file"_a,
       "Writes the entries of all maps to a new map. Returns the number of entries, and one message "
-      "per unreadable entry, which is skipped.");
+      "per unreadable entry, which is skipped. Raises InputError if the maps have other features "
+      "or `file` exists, UsageError without maps.");
 }
 
 }  // namespace revisit::python

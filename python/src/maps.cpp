@@ -55,7 +55,7 @@ constexpr const char* kLocateDoc =
 
 void bind_records(nb::module_& module) {
   nb::class_<Description>(module, "Description", "The feature of a scan.")
-      .def_prop_ro("described", &Description::described)
+      .def_prop_ro("described", &Description::described, "The scan could be described.")
       .def_ro("error", &Description::error,
               "Reason why the scan could not be described; '' if it was.")
       .def_prop_ro(
@@ -70,15 +70,16 @@ void bind_records(nb::module_& module) {
       .def_ro("index", &Loop::index,
               "Index of the entry in the Map, from 0 in the order of adding.")
       .def_ro("id", &Loop::id, "Id of the entry in the map.")
-      .def_ro("drive", &Loop::drive)
-      .def_ro("frame", &Loop::frame)
+      .def_ro("drive", &Loop::drive, "Drive of the entry.")
+      .def_ro("frame", &Loop::frame, "Frame of the entry in its drive.")
       .def_ro("time", &Loop::time, "[s], or None.")
       .def_prop_ro(
           "pose", [](const Loop& loop) { return matrix_of(loop.pose); },
-          "T_world_sensor of the entry, or None.")
-      .def_ro("similarity", &Loop::similarity)
+          "T_world_sensor of the entry, float64 [4][4] [m], or None.")
+      .def_ro("similarity", &Loop::similarity,
+              "Similarity of the entry to the query; for rings -1 to 1.")
       .def_ro("kth_similarity", &Loop::kth_similarity, "Similarity of the k-th best entry.")
-      .def_ro("score", &Loop::score)
+      .def_ro("score", &Loop::score, "Score that the threshold of LoopDetector applies to.")
       .def_ro("probability", &Loop::probability,
               "Probability that the loop is correct, by LoopDetector; None without a calibration.")
       .def_ro("relative_yaw", &Loop::relative_yaw,
@@ -326,7 +327,7 @@ void bind_loop_detector(nb::module_& module) {
           "points"_a, kLocateDoc)
       .def_prop_ro(
           "map", [](const PythonDetector& self) { return nb::cast<PythonMap*>(self.owner); },
-          nb::rv_policy::reference_internal)
+          nb::rv_policy::reference_internal, "Its map.")
       .def_prop_ro("drive", &PythonDetector::drive,
                    "Name of the drive in the map, known after the first scan.")
       .def_prop_ro("verifies", &PythonDetector::verifies, "Accepted loops are registered.")

@@ -75,6 +75,7 @@ template <class T, class Value>
 struct Field {
   const char* name;
   Value T::*member;
+  const char* doc;
 };
 
 /// The constructor takes keywords with T's defaults. `check(record)` throws for invalid values.
@@ -91,8 +92,9 @@ void bind_record(nb::module_& module, const char* name, const char* doc, const C
         check(record);
         new (self) T(record);
       },
-      nb::kw_only(), (nb::arg(fields.name) = defaults.*fields.member)...);
-  (bound.def_ro(fields.name, fields.member), ...);
+      nb::kw_only(), (nb::arg(fields.name) = defaults.*fields.member)...,
+      "Raises UsageError for invalid values, here or where the record is used.");
+  (bound.def_ro(fields.name, fields.member, fields.doc), ...);
   bound.def("__repr__", [=](const T& record) {
     std::string values;
     ((values += str(values.empty() ? "" : ", ", fields.name, "=", record.*fields.member)), ...);

@@ -128,17 +128,17 @@ void bind_graph(nb::module_& module) {
   using proto::Graph;
   using proto::Node;
   nb::class_<Node>(module, "Node", "A layer with the values that its blob names mean.")
-      .def_ro("name", &Node::name)
-      .def_ro("type", &Node::type)
+      .def_ro("name", &Node::name, "Name of the layer.")
+      .def_ro("type", &Node::type, "Type of the layer.")
       .def_ro("index", &Node::index,
               "Position in the net; -1: an inserted Split that shows its first input, which an "
               "in-place layer wrote, in the shape of its second input, which shares its memory.")
       .def_ro("inputs", &Node::inputs,
               "Indices of values; -1 for a blob that no earlier layer writes.")
-      .def_ro("outputs", &Node::outputs);
+      .def_ro("outputs", &Node::outputs, "Indices of values.");
   nb::class_<Graph>(module, "Graph",
                     "A net whose values are written once: in-place layers write new values.")
-      .def_ro("nodes", &Graph::nodes, nb::rv_policy::copy)
+      .def_ro("nodes", &Graph::nodes, nb::rv_policy::copy, "Layers in execution order.")
       .def_prop_ro(
           "values",
           [](const Graph& graph) {
@@ -148,8 +148,8 @@ void bind_graph(nb::module_& module) {
             return values;
           },
           "Blob name of each value, and the first value in the memory where Caffe stores it.")
-      .def_ro("outputs", &Graph::outputs, "Names and values.")
-      .def_ro("warnings", &Graph::warnings)
+      .def_ro("outputs", &Graph::outputs, "Names and indices of values.")
+      .def_ro("warnings", &Graph::warnings, "Upgrades, and layers that were dropped.")
       .def("pruned", &proto::prune, "end"_a = "", "graft"_a = "",
            "Returns the graph without layers that the outputs do not need; see engine.Net.load(). "
            "Raises UsageError for unknown layers, InputError for an input that no layer writes.");
@@ -172,7 +172,8 @@ void bind_net_file(nb::module_& module) {
                       "A network description (NetParameter) in Caffe's current format, V2; with "
                       "weights if it was read from a caffemodel.")
       .def_ro("warnings", &NetFile::warnings, "Warnings about upgrades and skipped content.")
-      .def_prop_ro("name", [](const NetFile& file) { return file.net.name(); })
+      .def_prop_ro(
+          "name", [](const NetFile& file) { return file.net.name(); }, "Name of the net.")
       .def_prop_ro(
           "layers",
           [](const NetFile& file) {
@@ -236,7 +237,8 @@ void bind_net_file(nb::module_& module) {
         return proto::read_net_binary(file, limits.value_or(Limits()));
       },
       nb::call_guard<Unlocked>(), "file"_a, nb::kw_only(), "limits"_a = nb::none(),
-      "Reads a full caffemodel, including weights, and upgrades it.");
+      "Reads a full caffemodel, including weights, and upgrades it. Raises InputError if the file "
+      "is none or exceeds a limit.");
   module.def("net_of_layers", &net_of_layers, "name"_a, "layers"_a,
              "Returns a net of layers in the current format: pairs of a serialized LayerParameter "
              "and its arrays (float32, C order).");
@@ -275,7 +277,8 @@ void bind_weights(nb::module_& module) {
             });
             return std::make_unique<SharedWeightsFile>(std::move(file), content);
           },
-          "content"_a, "name"_a = "<weights>", nb::kw_only(), "limits"_a = nb::none())
+          "content"_a, "name"_a = "<weights>", nb::kw_only(), "limits"_a = nb::none(),
+          "Reads a file in memory; `name` replaces the path in messages.")
       .def_prop_ro("layers", &SharedWeightsFile::layers,
                    "Name and number of arrays of each layer, in file order. Names may repeat.")
       .def("read", &SharedWeightsFile::read, "index"_a,
@@ -297,8 +300,10 @@ void bind_proto(nb::module_& module) {
       module, "Limits",
       "Size limits for files. Files beyond them are rejected, so that a corrupted file cannot "
       "exhaust memory.",
-      [](const Limits&) {}, Field{"text_bytes", &Limits::text_bytes},
-      Field{"weight_bytes", &Limits::weight_bytes}, Field{"layers", &Limits::layers});
+      [](const Limits&) {}, Field{"text_bytes", &Limits::text_bytes, "Size of a prototxt [bytes]."},
+      Field{"weight_bytes", &Limits::weight_bytes,
+            "Size of a weights file, and of weights in memory [bytes]."},
+      Field{"layers", &Limits::layers, "Number of layers."});
   bind_net_file(module);
   bind_graph(module);
   bind_weights(module);

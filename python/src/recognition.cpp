@@ -26,16 +26,16 @@ FloatArray array_of_image(RangeImage image) {
 
 void bind_images(nb::module_& module) {
   bind_record<ImageGeometry>(
-      module, "ImageGeometry",
-      "Geometry of a range image: width and height [pixels], elevations of its edges [deg], range "
-      "of pixel value 255 [m], size of the structuring element that closes holes [deg].",
-      check_geometry, Field{"width", &ImageGeometry::width},
-      Field{"height", &ImageGeometry::height},
-      Field{"elevation_top", &ImageGeometry::elevation_top},
-      Field{"elevation_bottom", &ImageGeometry::elevation_bottom},
-      Field{"max_range", &ImageGeometry::max_range},
-      Field{"closing_width", &ImageGeometry::closing_width},
-      Field{"closing_height", &ImageGeometry::closing_height});
+      module, "ImageGeometry", "Geometry of a range image, the same for all scans of a sensor.",
+      check_geometry, Field{"width", &ImageGeometry::width, "Columns, over 360 degrees."},
+      Field{"height", &ImageGeometry::height, "Rows."},
+      Field{"elevation_top", &ImageGeometry::elevation_top, "Upper edge [deg]."},
+      Field{"elevation_bottom", &ImageGeometry::elevation_bottom, "Lower edge [deg]."},
+      Field{"max_range", &ImageGeometry::max_range, "Range of pixel value 255 [m]."},
+      Field{"closing_width", &ImageGeometry::closing_width,
+            "Width of holes that are closed [deg]; 0: none."},
+      Field{"closing_height", &ImageGeometry::closing_height,
+            "Height of holes that are closed [deg]."});
   module.def(
       "project",
       [](PointsArgument points, const ImageGeometry& geometry) {
@@ -59,12 +59,12 @@ void bind_images(nb::module_& module) {
 
 void bind_sensors(nb::module_& module) {
   nb::class_<Sensor>(module, "Sensor", "A LiDAR sensor and the image geometry for its scans.")
-      .def_ro("name", &Sensor::name)
-      .def_ro("model", &Sensor::model)
+      .def_ro("name", &Sensor::name, "Name for sensor_geometry().")
+      .def_ro("model", &Sensor::model, "Maker and model.")
       .def_ro("beams", &Sensor::beams, "Number of beams; 0 for a non-repetitive scan pattern.")
       .def_ro("top", &Sensor::top, "Elevation of the highest beam [deg].")
       .def_ro("bottom", &Sensor::bottom, "Elevation of the lowest beam [deg].")
-      .def_ro("image", &Sensor::image)
+      .def_ro("image", &Sensor::image, "Image geometry for its scans.")
       .def("__repr__", [](const Sensor& sensor) {
         return str("<Sensor '", sensor.name, "': ", sensor.model, ">");
       });

@@ -44,14 +44,20 @@ ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)
 void bind_registration(nb::module_& module) {
   const auto checked_later = [](const RegistrationOptions&) {};
   bind_record<RegistrationOptions>(
-      module, "RegistrationOptions", "Lengths are in [m].", checked_later,
-      Field{"voxel_size", &RegistrationOptions::voxel_size},
-      Field{"max_range", &RegistrationOptions::max_range},
-      Field{"search_radius", &RegistrationOptions::search_radius},
-      Field{"max_distance", &RegistrationOptions::max_distance},
-      Field{"inlier_distance", &RegistrationOptions::inlier_distance},
-      Field{"min_inlier_ratio", &RegistrationOptions::min_inlier_ratio},
-      Field{"min_constraint", &RegistrationOptions::min_constraint});
+      module, "RegistrationOptions", "Settings of register_scans().", checked_later,
+      Field{"voxel_size", &RegistrationOptions::voxel_size, "Edge of the voxels, 0.05 to 5 [m]."},
+      Field{"max_range", &RegistrationOptions::max_range,
+            "Farther points are ignored; at most 200 [m]."},
+      Field{"search_radius", &RegistrationOptions::search_radius,
+            "Of the initial shift along x and y, 0 to 20 [m]."},
+      Field{"max_distance", &RegistrationOptions::max_distance,
+            "Maximum distance of corresponding points [m]."},
+      Field{"inlier_distance", &RegistrationOptions::inlier_distance,
+            "Maximum distance of an inlier [m]."},
+      Field{"min_inlier_ratio", &RegistrationOptions::min_inlier_ratio,
+            "Minimum Registration.inlier_ratio that fits."},
+      Field{"min_constraint", &RegistrationOptions::min_constraint,
+            "Minimum Registration.constraint that fits."});
   nb::class_<PreparedScan>(
       module, "PreparedScan",
       "A downsampled scan with its search tree and normals, for use as query or place.",
@@ -62,7 +68,9 @@ void bind_registration(nb::module_& module) {
             const PointCloud cloud = GivenPoints(points).cloud();
             without_lock([&] { new (self) PreparedScan(cloud, options); });
           },
-          "points"_a, "options"_a = RegistrationOptions())
+          "points"_a, "options"_a = RegistrationOptions(),
+          "points: float [n][3 or more] in the sensor's frame [m], or (x, y, z). Raises UsageError "
+          "for invalid options.")
       .def("__len__", [](const PreparedScan& scan) { return scan.points().size(); })
       .def_prop_ro(
           "points", [](nb::handle self) { return rows_of(&PreparedScan::points, self); },
@@ -76,7 +84,7 @@ void bind_registration(nb::module_& module) {
           "Transforms points from the query's frame to the place's, float64 [4][4] [m].")
       .def_prop_ro(
           "information", [](const Registration& r) { return r.information; },
-          "Inverse covariance of (t, w), float64 [6][6], in the query's frame.")
+          "Inverse covariance of (t, w), float64 [6][6], in the query's frame: t [m], w [rad].")
       .def_ro("mean_squared_distance", &Registration::mean_squared_distance,
               "Mean squared distance of the inliers [m^2].")
       .def_ro("inlier_ratio", &Registration::inlier_ratio,

@@ -42,9 +42,9 @@ void bind_profile(nb::module_& module) {
   using profiling::Profile;
   using profiling::Timing;
   nb::class_<Timing>(module, "Timing", "Statistics of repeated timings [ms].")
-      .def_ro("min", &Timing::min)
-      .def_ro("median", &Timing::median)
-      .def_ro("p95", &Timing::p95)
+      .def_ro("min", &Timing::min, "Shortest time [ms].")
+      .def_ro("median", &Timing::median, "Median time [ms].")
+      .def_ro("p95", &Timing::p95, "95th percentile [ms].")
       .def("__repr__", [](const Timing& timing) {
         return str("Timing(min=", timing.min, ", median=", timing.median, ", p95=", timing.p95,
                    ")");
@@ -54,7 +54,7 @@ void bind_profile(nb::module_& module) {
       .def_ro("layer_sum", &Profile::layer_sum, nb::rv_policy::copy,
               "Sum over the layers of each pass.")
       .def_ro("total", &Profile::total, nb::rv_policy::copy, "Times of uninstrumented passes.")
-      .def_ro("passes", &Profile::passes);
+      .def_ro("passes", &Profile::passes, "Number of timed passes of each kind.");
   module.def(
       "profile",
       [](Run& run, int warmup, int repeat) {
@@ -66,7 +66,8 @@ void bind_profile(nb::module_& module) {
         });
       },
       "run"_a, nb::kw_only(), "warmup"_a = profiling::kWarmup, "repeat"_a = profiling::kRepeat,
-      "Times forward passes of a run with its current inputs.");
+      "Times forward passes of a run with its current inputs, after `warmup` untimed ones. Raises "
+      "UsageError if another thread uses the run, Interrupted on Ctrl-C.");
 }
 
 }  // namespace
@@ -80,7 +81,8 @@ void bind_run(nb::module_& module) {
       .def(nb::init<const engine::Plan&>(), "plan"_a,
            "Allocates Plan.arena_bytes. Inputs are NaN until set. Raises UsageError for a net "
            "without weights, MemoryError.")
-      .def_prop_ro("plan", [](const Run& run) { return run.plan(); })
+      .def_prop_ro(
+          "plan", [](const Run& run) { return run.plan(); }, "Its plan.")
       .def(
           "input",
           [](nb::handle self, const std::string& name) {

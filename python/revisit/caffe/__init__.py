@@ -22,6 +22,9 @@ from .classifier import Classifier, Detector
 from .net_spec import NetSpec, layers, params, to_proto
 from .proto.caffe_pb2 import TEST, TRAIN
 
+__all__ = ['Blob', 'Classifier', 'Detector', 'Layer', 'Net', 'NetSpec', 'TEST', 'TRAIN', 'Timer', 'TrainingError', 'coord_map', 'has_nccl',
+           'init_log', 'io', 'layer_type_list', 'layers', 'log', 'net_spec', 'params', 'proto', 'set_allow_unknown', 'set_device',
+           'set_mode_cpu', 'set_mode_gpu', 'set_random_seed', 'set_threads', 'to_proto']
 __version__ = '1.0.0'  # version of the pycaffe interface
 
 
@@ -72,6 +75,7 @@ class Timer:
         self.ms = 0.0
 
     def start(self):
+        """Begins to measure."""
         self._begin = _time.perf_counter()
 
     def stop(self):
@@ -93,3 +97,4 @@ for _name in (
     'solver_count set_solver_count solver_rank set_solver_rank set_multiprocess'
 ).split():
     globals()[_name] = _solver(_name)
+    __all__.append(_name)

@@ -10,6 +10,7 @@ _COLORS = {'Convolution': '#FF5050', 'Deconvolution': '#FF5050', 'Pooling': '#FF
 
 
 def choose_color_by_layertype(layertype):
+    """Returns the color of a layer type, #RRGGBB."""
     return _COLORS.get(layertype, '#6495ED')
 
 

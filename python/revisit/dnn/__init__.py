@@ -10,6 +10,10 @@ from ._install import install
 from ._models import ClassificationModel, DetectionModel, KeypointsModel, Model, SegmentationModel
 from ._net import Layer, Net, readNet, readNetFromCaffe, registerLayer
 
+__all__ = ['ClassificationModel', 'DetectionModel', 'KeypointsModel', 'Layer', 'Model', 'NMSBoxes', 'NMSBoxesBatched', 'Net',
+           'SegmentationModel', 'blobFromImage', 'blobFromImages', 'imagesFromBlob', 'install', 'readNet', 'readNetFromCaffe',
+           'registerLayer', 'set_threads']
+
 (DNN_BACKEND_DEFAULT, DNN_BACKEND_HALIDE, DNN_BACKEND_INFERENCE_ENGINE, DNN_BACKEND_OPENCV, DNN_BACKEND_VKCOM,
  DNN_BACKEND_CUDA, DNN_BACKEND_WEBNN, DNN_BACKEND_TIMVX, DNN_BACKEND_CANN) = range(9)
 (DNN_TARGET_CPU, DNN_TARGET_OPENCL, DNN_TARGET_OPENCL_FP16, DNN_TARGET_MYRIAD, DNN_TARGET_VULKAN, DNN_TARGET_FPGA,

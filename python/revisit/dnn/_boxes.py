@@ -1,6 +1,9 @@
 """Suppression of overlapping boxes, with OpenCV's results."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import UsageError
 
@@ -23,7 +26,7 @@ def _overlap(box, others):
     return np.where(areas <= np.finfo(np.float64).eps, 1, common / union).astype(np.float32)
 
 
-def NMSBoxes(bboxes, scores, score_threshold, nms_threshold, eta=1.0, top_k=0):
+def NMSBoxes(bboxes: ArrayLike, scores: ArrayLike, score_threshold: float, nms_threshold: float, eta: float = 1.0, top_k: int = 0) -> Any:
     """Returns the indices of boxes to keep, by descending score, int32; () if there is none.
 
     Args:
@@ -45,8 +48,9 @@ def NMSBoxes(bboxes, scores, score_threshold, nms_threshold, eta=1.0, top_k=0):
     return np.array(kept, np.int32) if kept else ()
 
 
-def NMSBoxesBatched(bboxes, scores, class_ids, score_threshold, nms_threshold, eta=1.0, top_k=0):
-    """NMSBoxes() among the boxes of each class."""
+def NMSBoxesBatched(bboxes: ArrayLike, scores: ArrayLike, class_ids: ArrayLike, score_threshold: float, nms_threshold: float,
+                    eta: float = 1.0, top_k: int = 0) -> Any:
+    """NMSBoxes() among the boxes of each class. class_ids: one per box."""
     boxes, scores = _checked(bboxes, scores)
     apart = max(0.0, (boxes[:, :2] + boxes[:, 2:]).max(initial=0), boxes[:, :2].max(initial=0)) + 1
     boxes[:, :2] += (np.asarray(class_ids).reshape(-1, 1) * apart)

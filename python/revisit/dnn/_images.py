@@ -1,6 +1,10 @@
 """Images to blobs and back, with the values that OpenCV computes."""
 
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import UsageError
 
@@ -77,7 +81,8 @@ def scalar(values):
     return np.concatenate([given, np.zeros(4 - given.size)])
 
 
-def blobFromImages(images, scalefactor=1.0, size=(0, 0), mean=(), swapRB=False, crop=False, ddepth=CV_32F):
+def blobFromImages(images: Iterable[ArrayLike], scalefactor: float = 1.0, size: Sequence[int] = (0, 0), mean: ArrayLike = (),
+                   swapRB: bool = False, crop: bool = False, ddepth: int = CV_32F) -> NDArray[Any]:
     """Returns images as a blob [n][channels][height][width]: resized, (image - mean) * scalefactor.
 
     Args:
@@ -87,29 +92,30 @@ def blobFromImages(images, scalefactor=1.0, size=(0, 0), mean=(), swapRB=False, 
         swapRB: exchanges the first and the third channel.
         crop: keeps the aspect ratio and cuts what exceeds the size, else the image is stretched.
         ddepth: CV_32F (5), or CV_8U (0) for a blob of uint8, which takes no mean and scalefactor.
+    Raises UsageError for images of other shapes or a size below 1.
     """
-    images = [_checked(image) for image in images]
-    if not images:
+    checked = [_checked(image) for image in images]
+    if not checked:
         raise UsageError('blobFromImages: expected at least one image, found none')
     if ddepth not in (-1, CV_8U, CV_32F):
         raise UsageError(f'blobFromImage: expected ddepth {CV_32F} (float32) or {CV_8U} (uint8), found {ddepth}')
     size = tuple(int(n) for n in size)
     if size == (0, 0):
-        size = images[0].shape[1::-1]
+        size = checked[0].shape[1::-1]
     if min(size) < 1:
         raise UsageError(f'blobFromImage: expected a size (width, height) of at least 1, found {size}')
-    channels = {image.shape[2] for image in images}
+    channels = {image.shape[2] for image in checked}
     if channels - {1, 3, 4} and np.any(mean) or len(channels) > 1:
         raise UsageError(f'blobFromImages: expected images of 1, 3 or 4 channels, as many in each, found {sorted(channels)}')
-    images = np.stack([_fitted(image, size, crop) for image in images])
-    if swapRB and images.shape[3] > 2:
-        images = images[..., [2, 1, 0, 3][: images.shape[3]]]
-    mean = scalar(mean)[: images.shape[3]]
+    stack = np.stack([_fitted(image, size, crop) for image in checked])
+    if swapRB and stack.shape[3] > 2:
+        stack = stack[..., [2, 1, 0, 3][: stack.shape[3]]]
+    mean = scalar(mean)[: stack.shape[3]]
     if ddepth == CV_8U:
-        if images.dtype != np.uint8 or scalefactor != 1 or mean.any():
+        if stack.dtype != np.uint8 or scalefactor != 1 or mean.any():
             raise UsageError('blobFromImage: a blob of uint8 needs images of uint8, without mean and scalefactor')
-        return np.ascontiguousarray(images.transpose(0, 3, 1, 2))
-    blob = images.transpose(0, 3, 1, 2).astype(np.float32, order='C')
+        return np.ascontiguousarray(stack.transpose(0, 3, 1, 2))
+    blob = stack.transpose(0, 3, 1, 2).astype(np.float32, order='C')
     if mean.any():
         blob -= mean.astype(np.float32)[None, :, None, None]
     if scalefactor != 1:
@@ -117,12 +123,13 @@ def blobFromImages(images, scalefactor=1.0, size=(0, 0), mean=(), swapRB=False, 
     return blob
 
 
-def blobFromImage(image, scalefactor=1.0, size=(0, 0), mean=(), swapRB=False, crop=False, ddepth=CV_32F):
+def blobFromImage(image: ArrayLike, scalefactor: float = 1.0, size: Sequence[int] = (0, 0), mean: ArrayLike = (),
+                  swapRB: bool = False, crop: bool = False, ddepth: int = CV_32F) -> NDArray[Any]:
     """Returns one image as a blob [1][channels][height][width]; see blobFromImages()."""
     return blobFromImages([image], scalefactor, size, mean, swapRB, crop, ddepth)
 
 
-def imagesFromBlob(blob_, images_=None):
+def imagesFromBlob(blob_: ArrayLike, images_: Any = None) -> tuple[NDArray[Any], ...]:
     """Returns the images [height][width][channels] of a blob [n][channels][height][width]; without the axis of one channel."""
     images = [np.ascontiguousarray(image.transpose(1, 2, 0)) for image in np.asarray(blob_)]
     return tuple(image[:, :, 0] if image.shape[2] == 1 else image for image in images)

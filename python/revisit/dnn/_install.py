@@ -22,7 +22,7 @@ def _either(ours, theirs):
     return choose
 
 
-def install():
+def install() -> None:
     """Puts readNetFromCaffe into an installed cv2.dnn, and Caffe networks into its readNet() and models.
 
     Does nothing if cv2.dnn has readNetFromCaffe. Raises ImportError without the package opencv-python.

@@ -1,6 +1,10 @@
 """Nets with their preparation of images, as the classes of cv2.dnn."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import UnsupportedError, UsageError
 from ._images import blobFromImage, scalar
@@ -20,33 +24,33 @@ def _setter(name):
 class Model:
     """A net and how images become its input. Model(net), or Model(model, config) with paths."""
 
-    def __init__(self, network, config=''):
+    def __init__(self, network: Any, config: Any = ''):
         self._net = network if isinstance(network, Net) else readNet(network, config)
         shape = self._net._shape()
-        self._size = shape[:1:-1] if len(shape) == 4 else (0, 0)
-        self._scale, self._mean, self._swap, self._crop = 1.0, (), False, False
+        self.setInputParams(size=shape[:1:-1] if len(shape) == 4 else (0, 0))
         self._outputs = self._net.getUnconnectedOutLayersNames()
 
-    def setInputParams(self, scale=1.0, size=(0, 0), mean=(), swapRB=False, crop=False):
+    def setInputParams(self, scale: ArrayLike = 1.0, size: Sequence[int] = (0, 0), mean: ArrayLike = (), swapRB: bool = False,
+                       crop: bool = False) -> None:
         """Sets the arguments of blobFromImage()."""
         self._scale, self._size, self._mean, self._swap, self._crop = scale, tuple(size), mean, swapRB, crop
 
-    def setInputSize(self, *size):
+    def setInputSize(self, *size: Any) -> 'Model':
         """Sets (width, height), also as two arguments."""
         self._size = tuple(size[0] if len(size) == 1 else size)
         return self
 
     setInputScale, setInputMean, setInputSwapRB, setInputCrop = map(_setter, ('_scale', '_mean', '_swap', '_crop'))
 
-    def setOutputNames(self, outNames):
+    def setOutputNames(self, outNames: Sequence[str]) -> 'Model':
         """Sets the layers that predict() returns; before: those of which no layer reads an output."""
-        self._outputs = list(outNames)
+        self._outputs = tuple(outNames)
         return self
 
     setPreferableBackend, setPreferableTarget, enableWinograd = map(
         _setter, ('setPreferableBackend', 'setPreferableTarget', 'enableWinograd'))
 
-    def predict(self, frame, outs=None):
+    def predict(self, frame: ArrayLike, outs: Any = None) -> tuple[NDArray[np.float32], ...]:
         """Returns the outputs for an image, as a tuple."""
         if min(self._size) < 1:
             raise UsageError('Model: the prototxt has no size of images; call setInputSize((width, height))')
@@ -74,19 +78,20 @@ class Model:
 class ClassificationModel(Model):
     """Model that classifies images."""
 
-    def __init__(self, network, config=''):
+    def __init__(self, network: Any, config: Any = ''):
         super().__init__(network, config)
         self._softmax = False
 
-    def setEnableSoftmaxPostProcessing(self, enable):
+    def setEnableSoftmaxPostProcessing(self, enable: bool) -> 'ClassificationModel':
         """Computes a softmax of the output, for nets that end without one."""
         self._softmax = bool(enable)
         return self
 
-    def getEnableSoftmaxPostProcessing(self):
+    def getEnableSoftmaxPostProcessing(self) -> bool:
+        """Returns whether classify() computes a softmax."""
         return self._softmax
 
-    def classify(self, frame):
+    def classify(self, frame: ArrayLike) -> tuple[int, float]:
         """Returns the best class and its value."""
         values = self._only_output(frame).ravel()
         if self._softmax:
@@ -98,17 +103,17 @@ class ClassificationModel(Model):
 class DetectionModel(Model):
     """Model whose net ends with a DetectionOutput: SSD, Faster R-CNN."""
 
-    def detect(self, frame, confThreshold=0.5, nmsThreshold=0.0):
+    def detect(self, frame: ArrayLike, confThreshold: float = 0.5, nmsThreshold: float = 0.0) -> tuple[Any, Any, Any]:
         """Returns classes, confidences, and boxes (left, top, width, height) [pixels]; () if there is none."""
         last = self._net.getLayer(self._net.getLayerNames()[-1])
         if last.type != 'DetectionOutput':
             raise UnsupportedError(f'detect: expected a net that ends with a DetectionOutput, found {last.type}; use predict()')
-        frame = np.asarray(frame)
-        rows = np.concatenate([output.reshape(-1, 7) for output in self.predict(frame)])
+        image = np.asarray(frame)
+        rows = np.concatenate([output.reshape(-1, 7) for output in self.predict(image)])
         rows = rows[rows[:, 2] >= np.float32(confThreshold)]
         if not len(rows):
             return (), (), ()
-        size = np.array(self._size if self._reads_size() else frame.shape[1::-1], np.int32)
+        size = np.array(self._size if self._reads_size() else image.shape[1::-1], np.int32)
         corners = rows[:, 3:].astype(np.int32)
         small = (corners[:, 2:] - corners[:, :2] + 1 <= 2).any(axis=1)  # fractions of the image
         scaled = (rows[:, 3:] * np.tile(size, 2).astype(np.float32)).astype(np.int32)
@@ -121,7 +126,7 @@ class DetectionModel(Model):
 class SegmentationModel(Model):
     """Model with a value of each class for each pixel."""
 
-    def segment(self, frame, mask=None):
+    def segment(self, frame: ArrayLike, mask: Any = None) -> NDArray[np.uint8]:
         """Returns the class of the greatest value of each pixel of the output, uint8."""
         return self._only_output(frame)[0].argmax(axis=0).astype(np.uint8)
 
@@ -129,7 +134,7 @@ class SegmentationModel(Model):
 class KeypointsModel(Model):
     """Model with a map for each point, the last for the background, or with the points."""
 
-    def estimate(self, frame, thresh=0.5):
+    def estimate(self, frame: ArrayLike, thresh: float = 0.5) -> NDArray[np.float32]:
         """Returns (x, y) of each point [pixels of the frame], float32; (-1, -1) where no value is beyond `thresh`."""
         output = self._only_output(frame)
         if output.ndim != 4:

@@ -5,8 +5,11 @@ import os
 import time
 import warnings
 from collections import OrderedDict
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from .. import engine, proto
 from .._shared import named, threads
@@ -23,7 +26,7 @@ _INPUT = '__NetInputLayer__'  # type of layer 0
 _registered = {}  # type of layer -> class
 
 
-def registerLayer(type, cls):
+def registerLayer(type: str, cls: Any) -> None:
     """Does as cv2.dnn_registerLayer for `Crop`: layers without an offset crop what cls(params, blobs) crops. Raises UnsupportedError for others."""
     if type != 'Crop':
         raise UnsupportedError(f"registerLayer: expected 'Crop', found '{type}'; revisit.caffe runs layers of type Python")
@@ -51,21 +54,21 @@ class Layer:
 
     preferableTarget = 0  # the CPU
 
-    def __init__(self, net, node):
+    def __init__(self, net: 'Net', node: Node):
         self._net, self.name, self.type = net, node.name, node.type
 
     @property
-    def blobs(self):
+    def blobs(self) -> list[NDArray[np.float32]]:
         """Copies of the weights."""
         return [blob.copy() for blob in self._net._weights_of(self.name)] if self.type != _INPUT else []
 
     @blobs.setter
-    def blobs(self, arrays):
+    def blobs(self, arrays: Sequence[ArrayLike]) -> None:
         old = self._net._weights_of(self.name)
         for i, array in enumerate([*arrays, *(np.zeros_like(blob) for blob in old[len(arrays):])]):
             self._net.setParam(self.name, i, array)
 
-    def outputNameToIndex(self, outputName):
+    def outputNameToIndex(self, outputName: str) -> int:
         """Returns the number of an input, -1 for another name, for layer 0; else 0, because outputs of layers have no names."""
         inputs = self._net._inputs
         return 0 if self.type != _INPUT else inputs.index(outputName) if outputName in inputs else -1
@@ -78,8 +81,10 @@ class Net:
     Errors are revisit.UsageError, InputError and UnsupportedError instead of cv2.error.
     """
 
-    def __init__(self):
-        self._graph = self._net = self._problem = None
+    def __init__(self) -> None:
+        self._graph: Any = None
+        self._net: Any = None
+        self._problem: Any = None
         self._blobs, self._shapes = {}, {}  # by names of inputs: arrays, shapes for loading
         self._missing = set()  # layers without weights
         self._changed = {}  # layer -> index -> weights that setParam() has set since loading
@@ -141,11 +146,11 @@ class Net:
         if self.empty():
             raise UsageError('this Net is empty; readNetFromCaffe() reads one')
 
-    def empty(self):
+    def empty(self) -> bool:
         """Returns True for Net()."""
         return self._graph is None or not self._graph.layers
 
-    def setInput(self, blob, name='', scalefactor=1.0, mean=()):
+    def setInput(self, blob: ArrayLike, name: str = '', scalefactor: float = 1.0, mean: ArrayLike = ()) -> None:
         """Copies an input: (blob - mean) * scalefactor as float32, with the mean of up to 4 channels.
 
         name: of the input blob; '': the first. The shape may differ from that of the prototxt.
@@ -175,19 +180,19 @@ class Net:
         """Returns the first input's shape in the prototxt; () if it has none."""
         return tuple(self._load().inputs[self._graph.inputs[0]]) if self._net else ()
 
-    def setInputsNames(self, inputBlobNames):
+    def setInputsNames(self, inputBlobNames: Sequence[str]) -> None:
         """Renames the inputs, in the order of the prototxt."""
         self._check_not_empty()
         if len(inputBlobNames) != len(self._inputs):
             raise UsageError(f'setInputsNames: expected {len(self._inputs)} names, found {len(inputBlobNames)}')
         self._inputs = list(inputBlobNames)
 
-    def setInputShape(self, inputName, shape):
+    def setInputShape(self, inputName: str, shape: Sequence[int]) -> None:
         """Sets the shape of an input that has none in the prototxt. setInput() needs no call of this."""
         self._check_not_empty()
         self._shapes[self._input(inputName)] = tuple(int(n) for n in shape)
 
-    def forward(self, outputName='', outputBlobs=None, *, outBlobNames=None):
+    def forward(self, outputName: str | Sequence[str] = '', outputBlobs: Any = None, *, outBlobNames: Sequence[str] | None = None) -> Any:
         """Runs the layers that the outputs need.
 
         Args:
@@ -202,11 +207,11 @@ class Net:
         names = list(names) or [self._graph.layers[-1].name]
         return tuple(arrays[0] for arrays in self._forward([self._node(name).ports[:1] for name in names]))
 
-    def forwardAndRetrieve(self, outBlobNames):
+    def forwardAndRetrieve(self, outBlobNames: Sequence[str]) -> tuple[tuple[NDArray[np.float32], ...], ...]:
         """Returns a tuple for each named layer, with all outputs of the layer."""
         return tuple(map(tuple, self._forward([self._node(name).ports for name in outBlobNames])))
 
-    def forwardAsync(self, outputName=''):
+    def forwardAsync(self, outputName: str = '') -> Any:
         """Raises UnsupportedError, as cv2.dnn does on a CPU."""
         raise UnsupportedError('forwardAsync: passes are synchronous; call forward() in a thread, which releases the GIL')
 
@@ -263,33 +268,33 @@ class Net:
             raise UsageError(f"no layer {which!r}; cv2.dnn knows outputs by names of layers, not of blobs: getLayerNames()")
         return self._graph.layers[number - 1]
 
-    def getLayerNames(self):
+    def getLayerNames(self) -> tuple[str, ...]:
         """Returns the names of all layers but inputs. A repeated name has a number: relu, relu_1."""
         return () if self.empty() else tuple(layer.name for layer in self._graph.layers)
 
-    def getLayerId(self, layer):
+    def getLayerId(self, layer: str) -> int:
         """Returns the number of a layer, from 1; -1 if there is none of the name."""
         names = ('_input', *self.getLayerNames())
         return names.index(layer) if layer in names else -1
 
-    def getLayer(self, layerId):
+    def getLayer(self, layerId: str | int) -> Layer:
         """Returns a layer by name or number: `name`, `type`, `blobs`. Number 0 stands for the inputs."""
         return Layer(self, Node('_input', _INPUT, '', []) if layerId in (0, '_input') else self._node(layerId))
 
-    def getUnconnectedOutLayers(self):
+    def getUnconnectedOutLayers(self) -> NDArray[np.int32]:
         """Returns the numbers of the layers of which no layer reads an output, int32."""
         self._check_not_empty()
         return np.array(self._graph.unread, np.int32)
 
-    def getUnconnectedOutLayersNames(self):
+    def getUnconnectedOutLayersNames(self) -> tuple[str, ...]:
         """Returns the names of the layers of which no layer reads an output."""
         return tuple(self._node(number).name for number in self.getUnconnectedOutLayers())
 
-    def getLayerTypes(self):
+    def getLayerTypes(self) -> tuple[str, ...]:
         """Returns the types of the layers, sorted, each once."""
         return tuple(sorted({layer.type for layer in self._graph.layers} | {_INPUT}))
 
-    def getLayersCount(self, layerType):
+    def getLayersCount(self, layerType: str) -> int:
         """Returns the number of layers of a type."""
         return sum(layer.type == layerType for layer in self._graph.layers)
 
@@ -298,21 +303,21 @@ class Net:
         node = self._node(layer)
         return [_shaped(node, i, blob) for i, blob in enumerate(self._load().weights.get(node.layer, ()))]
 
-    def getParam(self, layer, numParam=0):
+    def getParam(self, layer: str | int, numParam: int = 0) -> NDArray[np.float32]:
         """Returns weights of a layer, by its name or number: a copy of array `numParam`."""
         blobs = self._weights_of(layer)
         if not 0 <= numParam < len(blobs):
             raise UsageError(f"layer '{self._node(layer).name}' has {len(blobs)} arrays of weights, none of index {numParam}")
         return blobs[numParam].copy()
 
-    def setParam(self, layer, numParam, blob):
+    def setParam(self, layer: str | int, numParam: int, blob: ArrayLike) -> None:
         """Sets array `numParam` of the weights of a layer, of any shape with as many values."""
-        name, blob = self._node(layer).layer, np.asarray(blob, np.float32)
+        name, array = self._node(layer).layer, np.asarray(blob, np.float32)
         self.getParam(layer, numParam)
         arrays = self._net.weights[name]
-        if blob.size != arrays[numParam].size:
-            raise UsageError(f"setParam: layer '{name}': expected {arrays[numParam].size} values, found the shape {blob.shape}")
-        self._changed.setdefault(name, {})[numParam] = blob.reshape(arrays[numParam].shape).copy()
+        if array.size != arrays[numParam].size:
+            raise UsageError(f"setParam: layer '{name}': expected {arrays[numParam].size} values, found the shape {array.shape}")
+        self._changed.setdefault(name, {})[numParam] = array.reshape(arrays[numParam].shape).copy()
         self._missing.discard(name)
 
     def _costs(self, layer_and_shapes):
@@ -325,12 +330,12 @@ class Net:
             plan = self._load().plan(dict(zip(self._graph.inputs, map(tuple, shapes))), keep_all=True)
         return shapes, [self._node(number) for number in layer] or self._graph.layers, {cost.name: cost for cost in plan.layers}
 
-    def getFLOPS(self, *arguments):
+    def getFLOPS(self, *arguments: Any) -> int:
         """Returns 2 for each multiplication with addition. Arguments: input shapes, or number of a layer and input shapes."""
         _, nodes, costs = self._costs(arguments)
         return sum(2 * costs[node.layer].macs for node in nodes if node.layer in costs)
 
-    def getMemoryConsumption(self, *arguments):
+    def getMemoryConsumption(self, *arguments: Any) -> tuple[int, int]:
         """Returns the bytes of weights and of outputs; arguments as of getFLOPS()."""
         shapes, nodes, costs = self._costs(arguments)
         weights = sum(blob.nbytes for node in nodes for blob in self._weights_of(node.name))
@@ -338,7 +343,7 @@ class Net:
         outputs += shapes if len(arguments) == 1 else []
         return weights, sum(4 * int(np.prod(shape)) for shape in outputs)
 
-    def getPerfProfile(self):
+    def getPerfProfile(self) -> tuple[int, NDArray[np.float64]]:
         """Returns the time of the last forward() and the times of its layers in another pass [ns, the ticks of cv2]."""
         times = dict.fromkeys((node.layer for node in self._graph.layers), 0.0)
         if self._last is not None:
@@ -347,20 +352,20 @@ class Net:
                 times[cost.name] = timing.median * 1e6
         return self._ticks, np.array([times[node.layer] for node in self._graph.layers])
 
-    def setPreferableBackend(self, backendId):
+    def setPreferableBackend(self, backendId: int) -> None:
         """Warns once for a backend of GPUs, because nets run on the CPU."""
         if backendId not in _CPU_BACKENDS:
             _warn_of_gpu()
 
-    def setPreferableTarget(self, targetId):
+    def setPreferableTarget(self, targetId: int) -> None:
         """Warns once for a GPU, because nets run on the CPU."""
         if targetId not in _CPU_TARGETS:
             _warn_of_gpu()
 
-    def enableFusion(self, fusion):
+    def enableFusion(self, fusion: bool) -> None:
         """Does nothing: layers are fused wherever no output is asked for."""
 
-    def enableWinograd(self, useWinograd):
+    def enableWinograd(self, useWinograd: bool) -> None:
         """Does nothing: Winograd's algorithm is used where it is faster and accurate."""
 
 
@@ -380,7 +385,7 @@ def _content(source):
     return np.asarray(source, np.uint8).tobytes() if isinstance(source, (np.ndarray, list)) else bytes(source)
 
 
-def readNetFromCaffe(prototxt=None, caffeModel='', *, bufferProto=None, bufferModel=None):
+def readNetFromCaffe(prototxt: Any = None, caffeModel: Any = '', *, bufferProto: Any = None, bufferModel: Any = None) -> Net:
     """Reads a Caffe network.
 
     Args:
@@ -415,7 +420,7 @@ def readNetFromCaffe(prototxt=None, caffeModel='', *, bufferProto=None, bufferMo
     return Net()._take(file, weights, (text_name, name))
 
 
-def readNet(model, config='', framework=''):
+def readNet(model: Any, config: Any = '', framework: Any = '') -> Net:
     """Reads a Caffe network from a caffemodel and a prototxt, in any order, or readNet('caffe', bufferModel, bufferConfig)."""
     if _is_buffer(config):  # framework, bufferModel, bufferConfig
         model, config, framework = config, framework, model

@@ -2,8 +2,12 @@
 
     for scan in open_recording('drive.bag').scans():
         points = scan.points()
+
+The modules of this package are the READERS; open_recording() chooses one.
 """
 
+from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 
 from revisit.errors import InputError, UsageError
@@ -28,7 +32,8 @@ READERS = [
 """Order of detection. The last accepts any folder: KITTI's layout, and .bin, .pcd and .ply files."""
 
 
-def open_recording(path, *, sequence='', topics='', extrinsics=None, point_times='auto') -> Recording:
+def open_recording(path: str | PathLike[str], *, sequence: str = '', topics: str | Sequence[str] = '',
+                   extrinsics: str | PathLike[str] | None = None, point_times: str = 'auto') -> Recording:
     """Opens the recording at `path` by the first reader that detects it.
 
     sequence: of a data set with several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster); TOPIC or TOPIC@FRAME_ID of a

@@ -5,9 +5,10 @@ import importlib
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from revisit.datasets import POINT_TIME_NAMES, PointTimes
 from revisit.errors import Error, InputError
@@ -18,30 +19,34 @@ SHOWN, READ = 20, 4
 
 
 class RecordedTimes(NamedTuple):
+    """Times of points as recorded, with the name of their field."""
     field: str
-    values: np.ndarray
+    values: NDArray[Any]
     """[n], integers or floating-point numbers."""
 
 
 class Scan(NamedTuple):
+    """A scan whose points are read on demand."""
     frame: int
     """Counted from 0, or the number in the file's name."""
     time: float | None
     """[s]"""
-    pose: np.ndarray | None
+    pose: NDArray[np.float64] | None
     """T_world_lidar, float64 [4][4]. The world has z up, or the axes of KITTI's camera in KITTI's layout."""
-    read: Callable[[], tuple[np.ndarray, np.ndarray | None]]
+    read: Callable[[], tuple[NDArray[Any], Any]]
     """Reads points, float32 [n][3 or more] in the lidar's frame [m], possibly a view, and their times, or None. Of
     open_recording(): float32 [n] [s], relative to the scan's stamp; of a reader: RecordedTimes. Raises InputError if the data
     is not a scan."""
     source: str
     """For messages: the file, or the bag and the frame."""
 
-    def points(self) -> np.ndarray:
+    def points(self) -> NDArray[Any]:
+        """Reads the points, float32 [n][3 or more] [m]. Raises InputError if the data is not a scan."""
         return self.read()[0]
 
 
 class Recording(NamedTuple):
+    """A drive; scans() begins anew at every call."""
     name: str
     """Name of the drive."""
     count: int | None
@@ -54,6 +59,7 @@ class Recording(NamedTuple):
 
 
 class Reader(NamedTuple):
+    """A format of recordings. detects(path): this is one. opens(path) raises InputError for malformed data."""
     name: str
     detects: Callable[[Path], bool]
     opens: Callable[..., Recording]
