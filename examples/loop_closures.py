@@ -28,11 +28,11 @@ def main():
     for scan, found, _ in recognize(recording.scans(), detector):
         if found.error:
             print(f'{scan.source}: {found.error}', file=sys.stderr)
-        elif found.accepted:
+        elif found.accepted and found.loop:
             for frame in found.questioned:
                 print(f'later loops contradict that of frame {frame}', file=sys.stderr)
-            loop = found.loop
-            print(f'{scan.frame},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
+            loop, yaw = found.loop, found.loop.relative_yaw or 0
+            print(f'{scan.frame},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(yaw):.1f}')
     print(f'{len(detector.map)} map entries', file=sys.stderr)
 
 

@@ -42,7 +42,7 @@ class Odometry:
     def __init__(self, max_range, deskew):
         self.deskew, self.previous_time = deskew, None
         self.kiss = KissICP(KISSConfig(data={'max_range': max_range, 'deskew': False}, mapping={'voxel_size': max_range / 100}))
-        self.moved, self.chosen, self.seconds = [], [], 0
+        self.moved, self.chosen, self.seconds = [], [], 0.0
 
     def keyframes(self, scans, every):
         """Yields keyframes, `every` meters apart, with the poses of odometry."""
@@ -85,11 +85,11 @@ def optimized(guesses, loops):
         graph.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(guesses[0]), gtsam.noiseModel.Isotropic.Sigma(6, 1e-3)))
         for i in range(1, len(guesses)):
             step = np.linalg.inv(guesses[i - 1]) @ guesses[i]
-            sigmas = DRIFT * max(1, np.linalg.norm(step[:3, 3])) ** 0.5
+            sigmas = DRIFT * max(1, float(np.linalg.norm(step[:3, 3]))) ** 0.5
             graph.add(gtsam.BetweenFactorPose3(i - 1, i, gtsam.Pose3(step), gtsam.noiseModel.Diagonal.Sigmas(sigmas)))
-        for place, query, found in loops:
-            robust = gtsam.noiseModel.Robust.Create(kernel, gtsam.noiseModel.Gaussian.Information(found.information[TO_GTSAM]))
-            graph.add(gtsam.BetweenFactorPose3(place, query, gtsam.Pose3(found.T_place_query), robust))
+        for place, query, edge in loops:
+            robust = gtsam.noiseModel.Robust.Create(kernel, gtsam.noiseModel.Gaussian.Information(edge.information[TO_GTSAM]))
+            graph.add(gtsam.BetweenFactorPose3(place, query, gtsam.Pose3(edge.T_place_query), robust))
         values = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
     return np.array([values.atPose3(i).matrix() for i in range(len(guesses))])
 
@@ -98,7 +98,8 @@ def fitted(path, truth, flat):
     """Returns the path aligned with the ground truth, and its absolute trajectory error (RMSE) [m]. flat: planar error."""
     path, truth = (trajectory.PosePath3D(poses_se3=list(each)) for each in (path, truth))
     if flat:
-        path.project(trajectory.Plane.XY), truth.project(trajectory.Plane.XY)
+        path.project(trajectory.Plane.XY)
+        truth.project(trajectory.Plane.XY)
     path.align(truth)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((truth, path))
@@ -106,14 +107,15 @@ def fitted(path, truth, flat):
 
 
 def draw(file, paths, loops, title):
-    axes = Figure(figsize=(8, 8), layout='constrained').subplots()
+    figure = Figure(figsize=(8, 8), layout='constrained')
+    axes = figure.subplots()
     for (label, path), style, width in zip(paths.items(), ['tab:blue', 'tab:orange', 'k:'], [5, 2.5, 1]):
         axes.plot(*path.T, style, label=label, linewidth=width)
     for ends, label in zip(loops, ['loops'] + [None] * len(loops)):
         axes.plot(*paths['corrected'][ends].T, 'o-', color='tab:green', markersize=3, linewidth=1, label=label)
     axes.set(aspect='equal', adjustable='datalim', title=title, xlabel='x [m]', ylabel='y [m]')
-    axes.figure.legend(loc='outside lower center', ncols=5)
-    axes.figure.savefig(file)
+    figure.legend(loc='outside lower center', ncols=5)
+    figure.savefig(file)
 
 
 def main():
@@ -143,7 +145,7 @@ def main():
             found, node = visit.found, len(odometry.chosen) - 1
             node_of[found.index] = node_of_frame[visit.scan.frame] = node
             excluded += found.rejection == 'odometry'
-            if found.accepted:
+            if found.accepted and found.loop and found.registered:
                 loops.append((node_of[found.loop.index], node, found.registered))
             if found.questioned:
                 questioned = {node_of_frame[frame] for frame in found.questioned}
@@ -156,22 +158,22 @@ def main():
     scans, path, chosen = [scan for scan, _ in odometry.moved], np.array([pose for _, pose in odometry.moved]), odometry.chosen
     moved = optimized(path[chosen], loops) @ np.linalg.inv(path[chosen])  # every scan moves with its last keyframe
     corrected = moved[np.searchsorted(chosen, np.arange(len(path)), side='right') - 1] @ path
-    fit = sum(np.linalg.norm((np.linalg.inv(corrected[chosen[place]]) @ corrected[chosen[query]] - found.T_place_query)[:3, 3]) < 1
-              for place, query, found in loops)
+    fit = sum(float(np.linalg.norm((np.linalg.inv(corrected[chosen[place]]) @ corrected[chosen[query]] - edge.T_place_query)[:3, 3])) < 1
+              for place, query, edge in loops)
     times = np.array([scan.frame if scan.time is None else scan.time for scan in scans], np.float64)
     write_tum_trajectory_file(o.output / 'trajectory.tum', trajectory.PoseTrajectory3D(poses_se3=list(corrected), timestamps=times))
-    paths, error = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}, 'unknown (no poses)'
+    paths, accuracy = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}, 'unknown (no poses)'
     truth = np.array([scan.pose for scan in scans if scan.pose is not None])
     if len(truth) == len(path) and len(chosen) > 2:
         if abs(truth[0, 2, 2]) < abs(truth[0, 1, 2]):  # KITTI's world
             truth = poses.AXES_OF_CAMERA.T @ truth
-        (before, odometry_error), (after, error) = (fitted(each, truth, o.flat) for each in (path, corrected))
+        (before, odometry_error), (after, corrected_error) = (fitted(each, truth, o.flat) for each in (path, corrected))
         paths = {'odometry': before, 'corrected': after, 'truth': truth[:, :2, 3]}
-        error = f'odometry {odometry_error:.2f} m, corrected {error:.2f} m'
+        accuracy = f'odometry {odometry_error:.2f} m, corrected {corrected_error:.2f} m'
     print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops, {fit} with a residual below 1 m; '
-          f'{time.perf_counter() - start:.1f} s in total, {odometry.seconds:.1f} s for odometry\nabsolute trajectory error: {error}')
+          f'{time.perf_counter() - start:.1f} s in total, {odometry.seconds:.1f} s for odometry\nabsolute trajectory error: {accuracy}')
     draw(o.output / 'trajectory.png', paths, [[chosen[a], chosen[b]] for a, b, _ in loops],
-         f'{o.data}, top-down: {len(loops)} loops, {fit} with a residual below 1 m\nabsolute trajectory error: {error}')
+         f'{o.data}, top-down: {len(loops)} loops, {fit} with a residual below 1 m\nabsolute trajectory error: {accuracy}')
     if ended:
         raise type(ended)(f'{str(ended) or "interrupted"}; {o.output} has the trajectory so far')
     if excluded + len(loops) - fit > max(fit, 5):

@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Builds the site of the documentation into build/site: pages, commands, the API of Python and of C++.
+# Builds the site of the documentation into build/site: pages, commands, the API of Python and of C++. Checks all links.
 #
 #   packaging/site/build.sh [BUILD]      BUILD (build/release): a build with the program
 #
 # The Python package is that of the build, or of build/site_venv (`build/site_venv/bin/pip install .`).
+# REVISIT_REPOSITORY: address of the sources, for links to files that are no pages.
 #
 # Needs python3-venv and doxygen; PyPI's packages go to build/site_venv.
 set -euo pipefail
@@ -13,10 +14,18 @@ venv=build/site_venv
 export REVISIT_PROGRAM=${REVISIT_PROGRAM:-$PWD/$build/tools/revisit}
 [ -x "$REVISIT_PROGRAM" ] || { echo "$0: no program $REVISIT_PROGRAM; build it first: tools/build.sh" >&2; exit 1; }
 command -v doxygen >/dev/null || { echo "$0: doxygen is missing: apt install doxygen" >&2; exit 1; }
-[ -x "$venv/bin/mkdocs" ] || { python3 -m venv "$venv" && "$venv/bin/pip" install -q -r packaging/site/requirements.txt; }
+"$venv/bin/mkdocs" --version >/dev/null 2>&1 ||
+  { python3 -m venv "$venv" && "$venv/bin/pip" install -q -r packaging/site/requirements.txt; }
 NO_MKDOCS_2_WARNING=1 "$venv/bin/mkdocs" build --strict --quiet -f packaging/site/mkdocs.yml
 mkdir -p build/site/api
 doxygen packaging/site/Doxyfile
+if [ -s build/site/api/undocumented.txt ]; then
+  cat build/site/api/undocumented.txt >&2
+  echo "$0: document these names of the C++ API" >&2
+  exit 1
+fi
+rm build/site/api/undocumented.txt
 [ ! -d "$build/python/revisit" ] || export PYTHONPATH=$PWD/$build/python  # otherwise the package is in build/site_venv
-"$venv/bin/pdoc" --no-show-source -o build/site/api/python revisit revisit.{caffe,loops,poses,recordings,registration} '!revisit.caffe.proto'
-echo "build/site/index.html; $(grep -c "is not documented" build/site/api/undocumented.txt || true) names of the C++ API are not documented (build/site/api/undocumented.txt)"
+"$venv/bin/python" packaging/site/python_api.py build/site/api/python
+python3 tests/documents/site.py build/site
+echo build/site/index.html

@@ -1,4 +1,4 @@
-"""Hooks of mkdocs: pages from outside of docs/, a page for each command, and links to files that are not pages."""
+"""Hooks of mkdocs: pages from outside of docs/, a page for each command, and links as the site has them."""
 
 import os
 import re
@@ -6,36 +6,84 @@ import subprocess
 from pathlib import Path
 
 from mkdocs.structure.files import File
+from mkdocs.structure.nav import Link
 
 ROOT = Path(__file__).resolve().parents[2]
 OUTSIDE = {'README.md': 'overview.md', 'HACKING.md': 'HACKING.md', 'CHANGELOG.md': 'CHANGELOG.md'}
 REPOSITORY = os.environ.get('REVISIT_REPOSITORY', '')  # address of the sources, as https://github.com/NAME/revisit
 PROGRAM = os.environ.get('REVISIT_PROGRAM', str(ROOT / 'build' / 'release' / 'tools' / 'revisit'))
-COMMAND = re.compile(r'^  ([a-z][a-z-]+) {2,}\S', re.M)
+COMMAND = re.compile(r'^  ([a-z][a-z-]+) {2,}(\S.*)', re.M)
+OPTION = re.compile(r'^ {2,6}(-\S.*?)(?: {2,}(\S.*))?$')
+LINK = re.compile(r'(?P<label>!?\[(?:[^\[\]]|\[[^\]]*\](?:\([^)]*\))?)*\])\((?P<path>[^)#\s]*)(?P<anchor>#[^)\s]*)?\)')
+API = {'API of Python': 'api/python/revisit.html', 'API of C++': 'api/cpp/index.html'}  # written by build.sh, into the section Reference
+FENCED = re.compile(r'(^ *```.*?^ *```$)', re.M | re.S)
 
 
 def help_of(*words):
-    return subprocess.run([PROGRAM, *words, '--help=all'] if words else [PROGRAM, '--help'], check=True, capture_output=True, text=True).stdout
+    command = [PROGRAM, *words, '--help=all'] if words else [PROGRAM, '--help']
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
 def commands():
-    """Yields the words of each command and its help: `net` and `map` have commands of their own."""
-    for name in COMMAND.findall(help_of()):
+    """Yields the words of each command and its help: `net`, `map` and `models` have commands of their own."""
+    for name, _ in COMMAND.findall(help_of()):
         text = help_of(name)
         yield [name], text
         if re.search(rf'^Usage: revisit {name} COMMAND', text, re.M):
-            for verb in COMMAND.findall(text):
+            for verb, _ in COMMAND.findall(text):
                 yield [name, verb], help_of(name, verb)
 
 
-def command_pages():
-    """Returns {path: text}."""
-    return {f'commands/{"-".join(words)}.md': f'# revisit {" ".join(words)}\n\n```text\n{text.rstrip()}\n```\n' for words, text in commands()}
+def escaped(text):
+    """Markdown of plain text in which a piece between backquotes is code."""
+    parts = re.split(r'(`[^`]*`)', text)
+    return ''.join(part if part.startswith('`') else re.sub(r'([\\`*_{}\[\]<>|#])', r'\\\1', part) for part in parts)
+
+
+def options_of(lines):
+    """Markdown of the options: a heading for each group, a table of its options."""
+    text, row = [], None
+    for line in [*lines, '']:
+        option, group = OPTION.match(line), re.fullmatch(r' (\S.*):', line)
+        if row and (option or group or not line.strip()):
+            name, meaning = row
+            text.append(f'| `{name}` | {escaped(" ".join(meaning))} |')
+            row = None
+        if group:
+            text += ['', f'### {group[1]}', '', '| option | meaning |', '|---|---|']
+        elif option:
+            if not text or not text[-1].startswith('|'):
+                text += ['', '| option | meaning |', '|---|---|']
+            row = option[1], [option[2]] if option[2] else []
+        elif row:
+            row[1].append(line.strip())
+        elif line.strip():
+            text += ['', escaped(line.strip())]
+    return '\n'.join(text)
+
+
+def page_of(words, text):
+    usage = re.search(r'^Usage: (.*)$', text, re.M)
+    text = text.replace(usage[0] + '\n', '', 1)
+    head, _, options = text.partition('\nOptions:\n')
+    page = [f'# revisit {" ".join(words)}', f'```text\n{usage[1]}\n```']
+    for part in re.split(r'\n\s*\n', head.strip()):
+        if part.startswith('Examples:'):
+            commands_shown = '\n'.join(line.strip() for line in part.splitlines()[1:])
+            page.append(f'## Examples\n\n```sh\n{commands_shown}\n```')
+        elif COMMAND.match(part):
+            page.append('\n'.join(f'- [{verb}]({"-".join([*words, verb])}.md): {escaped(meaning)}' for verb, meaning in COMMAND.findall(part)))
+        else:
+            page.append(escaped(part))
+    if options.strip():
+        page.append('## Options\n' + options_of(options.splitlines()))
+    return '\n\n'.join(page) + '\n'
 
 
 def on_config(config):
-    config['pages_of_commands'] = command_pages()
-    listed = [{f'revisit {Path(path).stem.replace("-", " ", 1)}': path} for path in config['pages_of_commands']]
+    found = list(commands())
+    config['pages_of_commands'] = {f'commands/{"-".join(words)}.md': page_of(words, text) for words, text in found}
+    listed = [{f'revisit {" ".join(words)}': f'commands/{"-".join(words)}.md'} for words, _ in found]
 
     def filled(nav):
         if isinstance(nav, list):
@@ -55,26 +103,59 @@ def on_files(files, config):
     return files
 
 
+def on_nav(nav, config, files):
+    reference = next(item for item in nav.items if item.title == 'Reference')
+    reference.children[:0] = [Link(title, url) for title, url in API.items()]
+    return nav
+
+
+def with_lists_apart(text):
+    """A list begins after an empty line, which GitHub does not need."""
+    return re.sub(r'^((?![-+*|#<>]|\d+\. )\S.*)\n(?=(?:[-+*]|\d+\.) )', r'\1\n\n', text, flags=re.M)
+
+
+def with_themes(text):
+    """A picture for each theme, which the site's switch selects, in place of <picture>, which the system selects."""
+    def images(match):
+        dark = re.search(r'<source media="\(prefers-color-scheme: dark\)" srcset="([^"]+)"', match[0])
+        image = re.search(r'<img [^>]*src="([^"]+)"[^>]*>', match[0])
+        if not dark:
+            return image[0]
+        return image[0].replace(image[1], image[1] + '#only-light') + image[0].replace(image[1], dark[1] + '#only-dark')
+    return re.sub(r'<picture>.*?</picture>', images, text, flags=re.S)
+
+
 def on_page_markdown(markdown, page, config, files):
     """Relative links are those of the tree; in the site README, HACKING and CHANGELOG are pages beside those of docs/."""
+    if page.file.src_uri.startswith('commands/'):
+        return markdown
     source = next((name for name, path in OUTSIDE.items() if path == page.file.src_uri), 'docs/' + page.file.src_uri)
     folder = (ROOT / source).parent
-    pages = {file.src_uri for file in files}
+    inside = {file.src_uri for file in files}
     here = Path(page.file.src_uri).parent
 
-    def target(match):
+    def in_site(path):
+        """Returns the path from this page; None for a file that the site lacks."""
+        place = os.path.relpath((folder / path).resolve(), ROOT)
+        target = OUTSIDE.get(place, place.removeprefix('docs/'))
+        return os.path.relpath(target, here) if target in inside else None
+
+    def link(match):
         label, path, anchor = match['label'], match['path'], match['anchor'] or ''
         if re.match(r'[a-z]+:', path) or not path:
             return match[0]
-        place = os.path.relpath((folder / path).resolve(), ROOT)
-        inside = OUTSIDE.get(place, place.removeprefix('docs/'))
-        if inside in pages:
-            return f'{label}({os.path.relpath(inside, here)}{anchor})'
+        if target := in_site(path):
+            return f'{label}({target}{anchor})'
         if REPOSITORY:
-            return f'{label}({REPOSITORY}/blob/main/{place}{anchor})'
+            return f'{label}({REPOSITORY}/blob/main/{os.path.relpath((folder / path).resolve(), ROOT)}{anchor})'
         return label[1:-1] if not label.startswith('!') else match[0]
-    if page.file.src_uri.startswith('commands/'):
-        return markdown
-    parts = re.split(r'(^```.*?^```$)', markdown, flags=re.M | re.S)
-    link = re.compile(r'(?P<label>!?\[[^\]]*\])\((?P<path>[^)#\s]*)(?P<anchor>#[^)\s]*)?\)')
-    return ''.join(part if part.startswith('```') else link.sub(target, part) for part in parts)
+
+    def attribute(match):
+        path, hash_, anchor = match[2].partition('#')
+        return f'{match[1]}="{(in_site(path) if not re.match("[a-z]+:", path) else None) or path}{hash_}{anchor}"'
+
+    def rewritten(text):
+        text = with_themes(with_lists_apart(text))
+        text = LINK.sub(link, text)
+        return re.sub(r'\b(src|href)="([^"]+)"', attribute, text)
+    return ''.join(part if part.lstrip().startswith('```') else rewritten(part) for part in FENCED.split(markdown))

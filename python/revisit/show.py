@@ -19,6 +19,7 @@ examples:
 
 
 def grower(log, name, make):
+    """Returns a function that adds an element to a list in the view."""
     elements = []
 
     def add(element):

@@ -103,7 +103,9 @@ void bind_open_map(nb::module_& module) {
       .def("close", &OpenMap::close, nb::call_guard<Unlocked>(),
            "Closes the file or connection; later calls raise UsageError.")
       .def("__enter__", [](nb::handle self) { return nb::borrow(self); })
-      .def("__exit__", [](OpenMap& map, const nb::args&) { without_lock([&] { map.close(); }); });
+      .def(
+          "__exit__", [](OpenMap& map, const nb::args&) { without_lock([&] { map.close(); }); },
+          nb::sig("def __exit__(self, *args: object) -> None"));
 }
 
 }  // namespace
