@@ -80,4 +80,6 @@ def metrics(drive, answers):
     interval = evaluation.bootstrap(labels, blocks=drive.blocks).average_precision
     result = {key: getattr(found, key) for key in ('n_queries', 'n_positives', 'average_precision', 'recall_at_1', 'max_recall_at_precision_1')}
     result['average_precision_ci'] = [] if np.isnan(interval[0]) else list(interval)
+    blocks = np.array(drive.blocks)
+    result |= {'bootstrap_blocks': len(set(blocks)), 'bootstrap_positive_blocks': len(set(blocks[[row[2] for row in rows]]))}
     return result | ({'loops': accepted} if any(accepts is not None for *_, accepts in answers) else {})

@@ -3,6 +3,7 @@
 # If interrupted, run it again to resume: rows in docs/data/ are not measured again. To measure a row again, delete it.
 #
 #   bench/results.sh [FOLDER]      FOLDER: for simulated drives and trained models (default results/tables)
+#   DRIVES="nclt riverside" bench/results.sh                     only these real drives, all rows again
 #   TOWNS=11 ROUTES=08 SENSORS=vlp16 bench/results.sh            only this part of the table of towns
 #   PCD_FILES=FOLDER ...                 also the drive pcd_files: FOLDER has the 485 scans of github.com/JeisonPham/pcd_files, 6fbb89d2
 #
@@ -18,6 +19,9 @@ squeezenet=${SQUEEZENET:-../shared/data/caffemodels/squeezenet_v1.0}
 revisit=${REVISIT:-build/release/tools/revisit}
 python=${PYTHON:-python3}
 part=${TOWNS-}${ROUTES-}${SENSORS-}  # not empty: only a part of the table of towns
+missing=--missing
+[ -z "${DRIVES:-}" ] || missing=
+read -ra drives <<<"${DRIVES:-nclt riverside mid360_walk greenhouse_small ${PCD_FILES:+pcd_files}}"
 read -ra towns <<<"${TOWNS:-11 12 13 14 15}"
 read -ra routes <<<"${ROUTES:-08 06 05 00}"
 read -ra sensors <<<"${SENSORS:-vlp16 hdl64 ouster-os1-64}"
@@ -42,10 +46,10 @@ learn() {  # learn SENSOR
 
 # A drive is the array `data`: DATA, and options of its poses, pairs and keyframes. file and drive: of its rows.
 own() {  # own NAME OPTION...: a row of `revisit eval`
-  "$python" bench/rows.py "$file" "$drive" "$1" --missing -- revisit eval "${data[@]}" "${@:2}"
+  "$python" bench/rows.py "$file" "$drive" "$1" $missing -- revisit eval "${data[@]}" "${@:2}"
 }
 foreign() {  # foreign NAME OPTION...
-  "$python" bench/rows.py "$file" "$drive" "$1" --missing -- bench/foreign.py "${data[@]}" "${@:2}"
+  "$python" bench/rows.py "$file" "$drive" "$1" $missing -- bench/foreign.py "${data[@]}" "${@:2}"
 }
 compared() {  # compared SENSOR_OF_TRAINED_MODELS: methods of every table
   own "rings"
@@ -95,25 +99,47 @@ town() {  # town TOWN ROUTE SENSOR: simulates the drive, evaluates keyframes of 
   touch "$work/$drive.done"
 }
 
+real_drive() {  # real_drive DRIVE
+  local file=real_drives drive=$1 data
+  case $drive in
+    nclt) data=("${nclt[@]}") && methods hdl32 ;;
+    riverside) data=("${riverside[@]}") && methods ouster-os1-64 ;;
+    mid360_walk)
+      data=("$real/$drive/bin" --pairs "$real/$drive/pairs.csv,ignore=$real/$drive/ignore.csv" --exclusion frames=95)
+      own "rings"
+      own "rings, not registered" --score distinct-margin
+      own "rings, local maps of 10 m" --local-map 10
+      own "Scan Context, all candidates" --feature scan-context
+      ;;
+    greenhouse_small)
+      data=("$real/$drive/bin" --poses "$real/$drive/poses_kitti.txt" --pose-frame lidar --exclusion meters=50 --negative-radius 10)
+      own "rings"
+      own "rings, local maps of 10 m" --local-map 10
+      own "Scan Context, all candidates" --feature scan-context
+      ;;
+    pcd_files)  # pairs: found by matching each scan with each, with thresholds set by hand
+      mkdir -p "$work/pcd_files/"{first,second}
+      for scan in $(cd "$PCD_FILES" && ls ??????.pcd); do
+        lap=first && [[ "$scan" < 000300 ]] || lap=second
+        ln -sf "$(realpath "$PCD_FILES/$scan")" "$work/pcd_files/$lap/"
+      done
+      data=("$work/pcd_files" --pairs bench/pcd_files/loops.csv,bench/pcd_files/loops_weak.csv,near=2 --exclusion frames=246)
+      methods vlp16
+      ;;
+  esac
+}
+
+if [ "${DRIVES:-}" ]; then sensors=(vlp16); fi
 for sensor in "${sensors[@]}"; do learn "$sensor"; done
 nclt=("$real/nclt/bin" --poses "$real/nclt/poses_kitti.txt" --pose-frame lidar --exclusion meters=50 --negative-radius 10)
 lists=$real/riverside/loops
 listed=("$real/riverside" --pairs "$lists.csv,${lists}_weak.csv,${lists}_by_time.csv,near=2")
 riverside=("${listed[@]},bench/riverside/without_place.csv" --exclusion frames=332)  # excludes its own lap
 if [ -z "$part" ]; then
-  file=real_drives drive=nclt data=("${nclt[@]}")
-  methods hdl32
-  drive=riverside data=("${riverside[@]}")
-  methods ouster-os1-64
-  if [ "${PCD_FILES:-}" ]; then  # pairs: found by matching each scan with each, with thresholds set by hand
-    mkdir -p "$work/pcd_files/"{first,second}
-    for scan in $(cd "$PCD_FILES" && ls ??????.pcd); do
-      lap=first && [[ "$scan" < 000300 ]] || lap=second
-      ln -sf "$(realpath "$PCD_FILES/$scan")" "$work/pcd_files/$lap/"
-    done
-    drive=pcd_files data=("$work/pcd_files" --pairs bench/pcd_files/loops.csv,bench/pcd_files/loops_weak.csv,near=2 --exclusion frames=246)
-    methods vlp16
-  fi
+  for drive in "${drives[@]}"; do real_drive "$drive"; done
+fi
+if [ "${DRIVES:-}" ]; then exec "$python" bench/tables.py; fi
+if [ -z "$part" ]; then
   file=perturbed_scans
   drive=nclt data=("${nclt[@]}")
   perturbed
@@ -128,7 +154,7 @@ if [ -z "$part" ]; then
   compared vlp16
 fi
 export -f town simulated compared m2dp paper own foreign
-export work kitti squeezenet revisit python
+export work kitti squeezenet revisit python missing
 for route in "${routes[@]}"; do
   for town in "${towns[@]}"; do
     for sensor in "${sensors[@]}"; do echo "$town $route $sensor"; done

@@ -41,7 +41,8 @@ def keep(file, row):
         text = opened.read()
         rows = json.loads(text) if text else []
         place = next((i for i, known in enumerate(rows) if is_of(known, row)), len(rows))
-        rows[place:place + 1] = [row]
+        cheap = {'cheap': True} if any(known.get('cheap') for known in rows[place:place + 1]) else {}
+        rows[place:place + 1] = [row | cheap]
         opened.truncate(0)
         opened.write('[\n' + ',\n'.join(json.dumps(known, ensure_ascii=False) for known in rows) + '\n]\n')
 
@@ -63,6 +64,7 @@ def figures(metrics):
     row |= {'queries': metrics['n_queries'], 'with_place': metrics['n_positives'], 'ap': rounded(metrics.get('average_precision'))}
     if 'self' not in metrics:
         row['ap_interval'] = [rounded(end) for end in metrics.get('average_precision_ci', ())] or None  # None: a single block
+        row |= {key: metrics.get(f'bootstrap_{key}') for key in ('blocks', 'positive_blocks')}
         row['recall_at_precision_1'] = rounded(metrics.get('max_recall_at_precision_1'))
     row['recall_at_1'] = rounded(metrics.get('recall_at_1'))
     if 'loops' in metrics:

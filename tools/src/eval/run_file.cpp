@@ -254,7 +254,10 @@ reports::Metrics metrics_of(const TaskResult& result, int resamples) {
   metrics.set_score(name_of(result.score));
   metrics.set_query_case(result.query_case);
   metrics.set_n_skipped(static_cast<int>(result.n_skipped));
-  if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.n_blocks);
+  if (result.intervals) {
+    add_intervals(metrics, *result.intervals, resamples, result.n_blocks);
+    metrics.set_bootstrap_positive_blocks(static_cast<int>(result.n_positive_blocks));
+  }
   if (result.loops) set_loops(*result.loops, *metrics.mutable_loops());
   if (result.perturbed) set_perturbed(*result.perturbed, metrics);
   return metrics;
