@@ -8,7 +8,6 @@ set(revisit_flags_liblzf::liblzf -llzf)
 set(revisit_flags_PNG::PNG -lpng)
 set(revisit_flags_ZLIB::ZLIB -lz)
 set(revisit_flags_SQLite::SQLite3 -lsqlite3)
-set(revisit_flags_embree -lembree3)
 
 # -lNAME for the file of a library, with its folder where the linker would not look.
 function(revisit_flags_of_file file result)

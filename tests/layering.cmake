@@ -25,7 +25,7 @@ set(owned_libraries
   "jpeglib.h|tools/src/pictures/picture.cpp"
   "liblzf/|pipeline/datasets/src/io/pcd"
   "pcl/|pipeline/baselines/src/pcl/"
-  "embree3/|simulator/src/ray_caster"
+  "embree[34]/|simulator/src/ray_caster"
   "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"
   "faiss/|pipeline/recognition/src/faiss/"

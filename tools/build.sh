@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs missing Debian packages and builds build/release/tools/revisit with all optional
-# libraries. `tools/build.sh demo` builds without these.
+# Installs missing packages and builds build/release/tools/revisit with the optional libraries of this
+# system. `tools/build.sh demo` builds without these.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -10,9 +10,13 @@ case "${1:-program}" in
   demo) optional=OFF ;;
   *) echo "usage: $0 [demo]" >&2; exit 2 ;;
 esac
-if [ "$optional" = ON ] || [ ! -f "$root/build/release/CMakeCache.txt" ]; then  # what was built with them keeps them
-  for library in PCL OPENCV FAISS POSTGRES; do options+=("-DREVISIT_$library=$optional"); done
-fi
+for library in PCL OPENCV FAISS POSTGRES; do
+  if [ "$optional" = ON ]; then
+    options+=("-UREVISIT_$library*")  # those that are installed
+  elif [ ! -f "$root/build/release/CMakeCache.txt" ]; then  # what was built with them keeps them
+    options+=("-DREVISIT_$library=OFF")
+  fi
+done
 
 "$root/tools/install_packages.sh" "${1:-program}"
 mkdir -p "$root/build"

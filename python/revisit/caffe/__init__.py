@@ -10,7 +10,7 @@ import warnings as _warnings
 try:
     import google.protobuf as _protobuf
 except ImportError as _error:
-    raise ImportError('revisit.caffe needs the package protobuf: pip install protobuf') from _error
+    raise ImportError("revisit.caffe needs the packages of the extra 'caffe': pip install protobuf pillow") from _error
 
 from . import _caffe, coord_map, io, net_spec, proto
 from ._blob import Blob
