@@ -40,7 +40,7 @@ if [ -n "$file" ]; then
 fi
 sed -n '/^## Install/,/^```$/p' README.md | sed '1,/^```sh/d; /^```$/d' | follow
 follow <<'END'
-. venv/bin/activate
+source venv/bin/activate
 revisit --version
 python -c "import revisit, revisit.dnn; print(revisit.__version__, revisit.dnn.readNetFromCaffe)"
 revisit simulate -o /root/town --route both --length 400 --every 8 --quiet

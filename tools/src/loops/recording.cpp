@@ -41,7 +41,7 @@ except ImportError as error:
     import json
     print(json.dumps({'code': 3, 'error': f'{sys.argv[-1]}: bags, packets and data sets are read by '
         f'the Python package of revisit, which {sys.executable} cannot import ({error}); run: pip '
-        "install '.[bags]' in the root of the sources, or set REVISIT_PYTHON to an interpreter with it"}))
+        "install '.[bags]' in the root of the sources, in a virtual environment, or set REVISIT_PYTHON to an interpreter with it"}))
     sys.exit(3)
 )";
 
