@@ -98,6 +98,7 @@ def on_config(config):
 def on_files(files, config):
     for source, page in OUTSIDE.items():
         files.append(File.generated(config, page, content=(ROOT / source).read_text()))
+    files.append(File.generated(config, 'extra.css', content=Path(__file__).with_name('extra.css').read_text()))
     for page, text in config['pages_of_commands'].items():
         files.append(File.generated(config, page, content=text))
     return files

@@ -87,7 +87,7 @@ def main(output):
     import pdoc.render
     convert = pdoc.docstrings.convert
     pdoc.docstrings.convert = lambda docstring, *arguments: convert(with_lists(docstring), *arguments)
-    pdoc.render.configure(show_source=False, docformat='google')
+    pdoc.render.configure(show_source=False, docformat='google', template_directory=Path(__file__).with_name('pdoc'))
     with tempfile.TemporaryDirectory() as folder:
         copied(Path(folder))
         sys.path.insert(0, folder)
