@@ -48,11 +48,11 @@ Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, bool rejected_
   Ballots<double> ballots;
   ballots.rejected_only = rejected_only;
   for (const MatchLabel& verdict : labels) {
-    if (std::isnan(verdict.score)) throw Error("precision and recall: a score is not a number");
+    if (std::isnan(verdict.score)) throw Error("labels: a score is not a number");
     if (verdict.correct && !verdict.positive)
-      throw Error("precision and recall: a match is correct where no candidate is");
+      throw Error("labels: a query is marked correct but has no true match");
     if (verdict.correct && verdict.ignored)
-      throw Error("precision and recall: a match is both correct and ignored");
+      throw Error("labels: a match is both correct and ignored");
     // Queries with an ignored match are positives only if missing means rejecting.
     const bool positive = verdict.positive && (rejected_only || !verdict.ignored);
     const auto query = static_cast<uint32_t>(ballots.positives.size());

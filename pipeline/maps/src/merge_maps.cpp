@@ -138,8 +138,9 @@ std::string projection_of(const fs::path& map, const MapFingerprint& fingerprint
   const auto store = open_map(map, MapAccess::kRead, &fingerprint);
   auto projection = store->value(kProjectionValue);
   if (!projection)
-    throw InputError(display_name(map), ": its warm-up is not complete: it has ", store->size(),
-                     " entries, which are too few");
+    throw InputError(display_name(map),
+                     ": warm-up not complete; add more scans before merging (found ", store->size(),
+                     " entries)");
   return *std::move(projection);
 }
 

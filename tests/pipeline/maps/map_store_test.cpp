@@ -360,7 +360,7 @@ TEST_P(MapStoreTest, CopiesProjectionsToNewMapsOnly) {
   map->add(made_entries(1, 1));
   copy_projection(*map, at("one"), kIgnore);  // no effect: it has this projection
   expect_error<InputError>([&] { copy_projection(*map, at("filled"), kIgnore); },
-                           {"filled", ": its warm-up is not complete: it has 1 entries"});
+                           {"filled", ": warm-up not complete; add more scans before merging (found 1 entries)"});
 }
 
 /// Frames of a writer's drive that are in the map as soon as the writer knows it.

@@ -390,8 +390,8 @@ int detect_loops(LoopsOptions& o, const Options& options) {
 Command loops_command() {
   return {
       "loops", "detect loop closures in a drive, a folder of scans or a bag",
-      "Detects loop closures online: describes every scan, compares it with the scans before it, "
-      "prints a line for a loop, and adds the scan. DATA is a KITTI sequence or a folder of scans, "
+      "Detects loop closures in a sequence of LiDAR scans and estimates the relative pose of each. "
+      "DATA is a KITTI sequence or a folder of scans, "
       "or, read by the Python package, a bag, packets or another data set. - reads names of scan "
       "files from standard input, one per line, or scans of `revisit.recordings`.",
       "  revisit loops town > loops.csv\n"

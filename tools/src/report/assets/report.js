@@ -251,7 +251,7 @@
     if (Number.isFinite(threshold)) datasets.push({ type: "line", label: "threshold", legend: `threshold ${number(threshold)}`, borderColor: css("--text"),
       borderWidth: 1.6, borderDash: [5, 4], pointRadius: 0, data: [{ x: threshold, y: 0 }, { x: threshold, y: most }] });
     return plot(name, { type: "bar", data: { datasets }, options: {
-      scales: { x: axis(title, { min: low, max: low + series[0].counts.length * width, offset: false, grid: { offset: false } }), y: axis("share of each kind [%]", { beginAtZero: true }) },
+      scales: { x: axis(title, { min: low, max: low + series[0].counts.length * width, offset: false, grid: { offset: false } }), y: axis("fraction of each class [%]", { beginAtZero: true }) },
       plugins: { tooltip: { callbacks: { title: () => "", label: item => `${item.dataset.label}: ${number(item.raw.y, 1)} % at ${number(item.raw.x, 3)}` } } } } }, 1.6);
   }
   function scorePlot(run, task) {
@@ -337,7 +337,7 @@
     const middle = values => values.length ? [...values].sort((a, b) => a - b)[values.length >> 1] : NaN;
     const distances = found.filter(own).map(apart).filter(Number.isFinite);
     const text = line => [`scan ${line.frame}`, ...(line.match_frame === undefined ? [] : [`like ${line.match_drive || ""} ${line.match_frame}`, `score ${number(line.score, 4)}`,
-      ...(line.yaw_deg === undefined ? [] : [`relative yaw ${number(line.yaw_deg, 1)} degrees`]), ...(Number.isFinite(apart(line)) ? [`${number(apart(line), 1)} m apart by the poses`] : [])])];
+      ...(line.yaw_deg === undefined ? [] : [`relative yaw ${number(line.yaw_deg, 1)} degrees`]), ...(Number.isFinite(apart(line)) ? [`${number(apart(line), 1)} m from the match by the poses`] : [])])];
     const label = item => text(lines[item.raw.scan]);
     const positions = new Map(lines.map((line, i) => [line, i])), point = (line, x, y) => ({ x, y, scan: positions.get(line) });
     const placed = lines.filter(line => line.position), along = axis => placed.map(line => line.position[axis] || 0);
@@ -347,14 +347,14 @@
     const onMap = found.filter(line => line.position && line.match_position);
     const matrix = plot(`matches, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
       dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColors[i % kColors.length], 2.5)) },
-      options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognized (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
+      options: { scales: { x: axis("scan", { min: 0 }), y: axis("matched frame", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     const asked = lines.filter(line => line.score !== undefined);
     const scores = plot(`scores, ${name}`, { type: "scatter", data: { datasets: [dots("accepted", found.map(line => point(line, line.frame, line.score)), kCorrect, 2.2),
-      ...(rejected.length ? [dots("did not fit when registered", rejected.map(line => point(line, line.frame, line.score)), kIncorrect, 2.5)] : []),
+      ...(rejected.length ? [dots("rejected by registration", rejected.map(line => point(line, line.frame, line.score)), kIncorrect, 2.5)] : []),
       dots("not accepted", asked.filter(line => !isLoop(line) && !line.registered).map(line => point(line, line.frame, line.score)), kPath, 1.6)] },
       options: { scales: { x: axis("scan"), y: axis("score") }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     return el("section", { id: `loops${index + 1}` }, el("h2", {}, `Loops: ${name}`),
-      table([["scans in the file", "n"], ["loops", "n"], ["did not fit when registered", "n"], ["median score", "n"], ["apart by the poses, median [m]", "n"], ["largest [m]", "n"]],
+      table([["scans in the file", "n"], ["loops", "n"], ["rejected by registration", "n"], ["median score", "n"], ["median distance to the match [m]", "n"], ["largest [m]", "n"]],
         [[String(lines.length), String(found.length), String(rejected.length), number(middle(found.map(line => line.score))), number(middle(distances), 2), number(distances.length ? distances.reduce((a, b) => Math.max(a, b)) : NaN, 2)]]),
       placed.length ? el("div", { class: "card map" }, groundPlot(`map of loops, ${name}`, [...xs, ...onMap.map(line => place(line).x)], [...zs, ...onMap.map(line => place(line).y)], [
         dots("recognized", found.filter(line => line.position).map(ground), kCorrect, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
@@ -473,7 +473,7 @@
     const against = profile.baseline;
     return el("section", { id: `profile${index + 1}` }, el("h2", {}, `Layers of ${name}`),
       el("p", {}, `The whole takes ${number(profile.total_ms.median, 3)} ms (median of ${profile.passes} passes, ${number(profile.total_ms.low, 3)} to ${number(profile.total_ms.high, 3)} with ${number(100 * profile.total_ms.confidence, 0)} % confidence) on ${profile.threads} thread${profile.threads === 1 ? "" : "s"}, kernels: ${profile.simd}. ` +
-        (limits ? `At the limits of the machine the layers would take ${number(profile.best_ms || 0, 3)} ms, ${share((profile.best_ms || 0) / profile.layer_sum_ms.median)} % of their sum.`
+        (limits ? `Roofline bound of all layers: ${number(profile.best_ms || 0, 3)} ms, ${share((profile.best_ms || 0) / profile.layer_sum_ms.median)} % of their sum.`
           : `The machine was busy: ${profile.busy}. Its limits are unknown.`)),
       against ? el("p", {}, `Against ${against.file} (${number(against.whole.before_ms, 3)} ms): `, verdict(against.whole)) : null,
       el("div", { class: "card" }, bars), limits ? el("div", { class: "card map" }, roofline()) : null,
