@@ -3,7 +3,7 @@
 #
 #   packaging/site/build.sh [BUILD]      BUILD (build/release): a build with the program
 #
-# The Python package is that of the build, or of build/site_venv (`build/site_venv/bin/pip install .`).
+# The Python package is that of the build; if it has none, pip builds it into build/site_venv.
 # REVISIT_REPOSITORY: address of the sources, for links to files that are no pages.
 #
 # Needs python3-venv and doxygen; PyPI's packages go to build/site_venv.
@@ -25,7 +25,11 @@ if [ -s build/site/api/undocumented.txt ]; then
   exit 1
 fi
 rm build/site/api/undocumented.txt
-[ ! -d "$build/python/revisit" ] || export PYTHONPATH=$PWD/$build/python  # otherwise the package is in build/site_venv
+if [ -d "$build/python/revisit" ]; then
+  export PYTHONPATH=$PWD/$build/python
+else
+  "$venv/bin/pip" install -q .
+fi
 "$venv/bin/python" packaging/site/python_api.py build/site/api/python
 python3 tests/documents/site.py build/site
 echo build/site/index.html
