@@ -1,4 +1,4 @@
-// References: docs/RESULTS.md ("The 12 real scans").
+// References: docs/reference/PAPER.md ("The 12 real scans").
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
