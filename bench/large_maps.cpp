@@ -1,4 +1,4 @@
-// Search in large maps, as rows of the tables in docs/reference/SPEED.md and docs/MAPS.md.
+// Search in large maps, as rows of the tables in docs/reference/SPEED.md.
 //   revisit_large_maps cosines PLACES DIMENSIONS [graph]
 // Synthetic places. Wall time, the minimum of three rounds.
 //   revisit_large_maps rings MAP PLACES...

@@ -115,7 +115,7 @@ class Places {
 };
 
 /// Fills each of the maps with `count` entries, opens them in two processes, and prints the figures
-/// of docs/MAPS.md.
+/// of docs/reference/SPEED.md.
 void measure_server(const RingMap& map, int64_t count, const std::vector<std::string>& urls);
 
 }  // namespace revisit

@@ -69,7 +69,6 @@ def surroundings(program, rows, folder):
 ROWS = {
     'docs/CALIBRATION.md': {'': thresholds},
     'docs/INSTALL.md': {'': 'sizes of packages, which packaging/ measures in clean roots'},
-    'docs/MAPS.md': {'': MACHINE},
     'docs/MODELS.md': {'': MACHINE},
     'docs/RESULTS.md': {'': LONG, 'Real drives': FOREIGN},
     'docs/SLAM.md': {'': LONG},
