@@ -16,6 +16,11 @@ export REVISIT_PROGRAM=${REVISIT_PROGRAM:-$PWD/$build/tools/revisit}
 command -v doxygen >/dev/null || { echo "$0: doxygen is missing: apt install doxygen" >&2; exit 1; }
 "$venv/bin/mkdocs" --version >/dev/null 2>&1 ||
   { python3 -m venv "$venv" && "$venv/bin/pip" install -q -r packaging/site/requirements.txt; }
+if [ -d "$build/python/revisit" ]; then
+  export PYTHONPATH=$PWD/$build/python
+else
+  "$venv/bin/pip" install -q .
+fi
 NO_MKDOCS_2_WARNING=1 "$venv/bin/mkdocs" build --strict --quiet -f packaging/site/mkdocs.yml
 mkdir -p build/site/api
 doxygen packaging/site/Doxyfile
@@ -25,11 +30,6 @@ if [ -s build/site/api/undocumented.txt ]; then
   exit 1
 fi
 rm build/site/api/undocumented.txt
-if [ -d "$build/python/revisit" ]; then
-  export PYTHONPATH=$PWD/$build/python
-else
-  "$venv/bin/pip" install -q .
-fi
 "$venv/bin/python" packaging/site/python_api.py build/site/api/python
 python3 tests/documents/site.py build/site
 echo build/site/index.html

@@ -1,8 +1,10 @@
 """Hooks of mkdocs: pages from outside of docs/, a page for each command, and links as the site has them."""
 
+import importlib.util
 import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 from mkdocs.structure.files import File
@@ -80,10 +82,26 @@ def page_of(words, text):
     return '\n\n'.join(page) + '\n'
 
 
+def python_programs():
+    """Yields title, file and help of each program of the Python package; none without the package."""
+    def help_text(module, *words):
+        return subprocess.run([sys.executable, '-m', module, *words, '--help'], check=True, capture_output=True, text=True,
+                              env=os.environ | {'COLUMNS': '100'}).stdout
+    if not importlib.util.find_spec('revisit'):
+        return
+    overview = help_text('revisit.conversion')
+    yield 'revisit-convert', 'revisit-convert', overview
+    for verb in re.findall(r'^    ([a-z]+)\b', overview.partition('COMMAND\n')[2], re.M):
+        yield f'revisit-convert {verb}', f'revisit-convert-{verb}', help_text('revisit.conversion', verb)
+    for module in ('revisit.recordings', 'revisit.show'):
+        yield f'python3 -m {module}', module.replace('.', '-'), help_text(module)
+
+
 def on_config(config):
-    found = list(commands())
-    config['pages_of_commands'] = {f'commands/{"-".join(words)}.md': page_of(words, text) for words, text in found}
-    listed = [{f'revisit {" ".join(words)}': f'commands/{"-".join(words)}.md'} for words, _ in found]
+    pages = [(f'revisit {" ".join(words)}', "-".join(words), page_of(words, text)) for words, text in commands()]
+    pages += [(title, name, f'# {title}\n\n```text\n{text.rstrip()}\n```\n') for title, name, text in python_programs()]
+    config['pages_of_commands'] = {f'commands/{name}.md': text for _, name, text in pages}
+    listed = [{title: f'commands/{name}.md'} for title, name, _ in pages]
 
     def filled(nav):
         if isinstance(nav, list):

@@ -149,7 +149,7 @@ void bind_graph(nb::module_& module) {
           },
           "Blob name of each value, and the first value in the memory where Caffe stores it.")
       .def_ro("outputs", &Graph::outputs, "Names and indices of values.")
-      .def_ro("warnings", &Graph::warnings, "Upgrades, and layers that were dropped.")
+      .def_ro("warnings", &Graph::warnings, "Messages about the graft of pruned().")
       .def("pruned", &proto::prune, "end"_a = "", "graft"_a = "",
            "Returns the graph without layers that the outputs do not need; see engine.Net.load(). "
            "Raises UsageError for unknown layers, InputError for an input that no layer writes.");

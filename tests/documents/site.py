@@ -95,7 +95,7 @@ def main():
                 print('skipped: mkdocs is missing; packaging/site/build.sh installs it into build/site_venv. documents.py checks the links of the Markdown pages')
                 return 77
             subprocess.run([*command, 'build', '--strict', '--quiet', '-f', 'packaging/site/mkdocs.yml', '-d', site], cwd=ROOT, check=True,
-                           env=os.environ | {'REVISIT_PROGRAM': o.pages, 'NO_MKDOCS_2_WARNING': '1'})
+                           env=os.environ | {'REVISIT_PROGRAM': os.path.abspath(o.pages), 'NO_MKDOCS_2_WARNING': '1'})
         faults = list(faults_of(site.resolve()))
     print('\n'.join([*faults, f'{len(faults)} faults']))
     return 1 if faults else 0
