@@ -3,7 +3,6 @@
 
   acceptance.py --real ../shared/real [--pcd-files FOLDER] [--kitti00 FOLDER]     real drives; folders of scans
   acceptance.py --only 'office.*|mine.*' [--seeds 1,2] [--sensors vlp16,hdl32]    simulated ones, made for it
-  acceptance.py --kitti ../shared/data/kitti --only 'town11-0[56]-.*'             towns along KITTI's routes
   acceptance.py --only none DRIVE... [--no-deskew]                                drives of your own in KITTI's layout
 
 Possible: scans with an earlier keyframe within reach (5 m, in buildings 2 m) that is not excluded by default. Correct: accepted, possible, and the
@@ -14,7 +13,6 @@ between the laps. Poses of drives named -odometry drift. Unknown options go to `
 
 import argparse
 import csv
-import json
 import re
 import tempfile
 from collections import Counter
@@ -135,22 +133,6 @@ def simulated(o, surroundings, seed, sensor, drifts=False):
     return counts + Counter(before=STREETS.get(surroundings, (0, 0))[1])
 
 
-def town(o, name):
-    """Keyframes of 1 m, judged by `revisit eval`, beside the row of docs/data/towns.json."""
-    from rows import DATA, measured
-    before, = (row for row in json.loads((DATA / 'towns.json').read_text())
-               if (row['drive'], row['name'], row.get('keyframes')) == (name, 'rings', 1))
-    seed, route, sensor = re.fullmatch(r'town(\d+)-(\d\d)-(.*)', name).groups()
-    with tempfile.TemporaryDirectory() as temporary:
-        drive = (o.folder or Path(temporary)) / name
-        run('simulate', '-o', drive, '--sensor', sensor, '--seed', seed, '--sequence', route, '--poses', o.kitti / f'poses/{route}.txt',
-            '--calib', o.kitti / f'sequences/{route}/calib.txt', '--quiet')
-        words = ['--exclusion', 'meters=50', '--negative-radius', '10', '--keyframes', 'meters=1']
-        _, (row,) = measured(name, 'rings', ['revisit', 'eval', str(drive), *words])
-    return Counter(possible=row['with_place'], correct=row['accepted_correct'], incorrect=row['accepted_incorrect'],
-                   before=before['accepted_correct'])
-
-
 def drives_of(o):
     """(title of a line, its bar, name of a drive, its counts when called). Drives of a line are neighbors. A bar is the fewest correct
     loops, as a fraction of the count that is named, and the most incorrect ones, below 1 as a fraction of the accepted ones."""
@@ -180,9 +162,6 @@ def drives_of(o):
                            partial(simulated, o, name, seed, sensor, bool(suffix)))
     for name, (seed, _) in STREETS.items():
         yield 'streets, vlp16', (0.95, 2, 'before'), f'{name}-{seed}-vlp16', partial(simulated, o, name, seed, 'vlp16')
-    for sensor in o.sensors or SENSORS if o.kitti else ():
-        for name in (f'town{seed}-{route}-{sensor}' for seed in range(11, 16) for route in ('00', '05', '06', '08')):
-            yield f'towns, {sensor}', (1, 11, 'before'), name, partial(town, o, name)
 
 
 def print_line(title, counts, bar=None):
@@ -199,12 +178,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('own', nargs='*', type=Path, metavar='DRIVE')
     for name, text in (('real', 'nclt, riverside, mid360_walk, greenhouse_small'), ('pcd-files', 'folders first and second'),
-                       ('kitti00', 'scans NNNNNN.bin and poses_kitti.txt'), ('kitti', "KITTI's poses and calibrations, for towns"),
+                       ('kitti00', 'scans NNNNNN.bin and poses_kitti.txt'),
                        ('folder', 'keeps simulated drives (default: deletes them)')):
         parser.add_argument(f'--{name}', type=Path, metavar='FOLDER', help=text)
     parser.add_argument('--only', default='.*', help='regular expression of the names of drives')
     parser.add_argument('--seeds', type=lambda text: list(map(int, text.split(','))), help='of equal houses and off the street')
-    parser.add_argument('--sensors', type=lambda text: text.split(','), help='of equal houses, towns and off the street')
+    parser.add_argument('--sensors', type=lambda text: text.split(','), help='of equal houses and off the street')
     parser.add_argument('--drives', action='store_true', help='also a line for each drive')
     o, o.others = parser.parse_known_args()
     print('| drives | possible | accepted correct / incorrect | bar | holds |\n|---|---|---|---|---|', flush=True)

@@ -41,8 +41,8 @@ def keep(file, row):
         text = opened.read()
         rows = json.loads(text) if text else []
         place = next((i for i, known in enumerate(rows) if is_of(known, row)), len(rows))
-        cheap = {'cheap': True} if any(known.get('cheap') for known in rows[place:place + 1]) else {}
-        rows[place:place + 1] = [row | cheap]
+        marks = {key: known[key] for known in rows[place:place + 1] for key in ('cheap', 'remark') if key in known}
+        rows[place:place + 1] = [marks | row]
         opened.truncate(0)
         opened.write('[\n' + ',\n'.join(json.dumps(known, ensure_ascii=False) for known in rows) + '\n]\n')
 

@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / 'docs/data'
 MARK = re.compile(r'<!-- table: (\S+)((?: \w+=\S+)*) -->')
 COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'recall at precision 1', 'with_place': 'queries with a place',
-           'accepted_correct': 'accepted, correct', 'accepted_incorrect': 'accepted, incorrect', 'commit': 'commit'}
+           'accepted_correct': 'accepted, correct', 'accepted_incorrect': 'accepted, incorrect', 'blocks': 'blocks', 'version': 'version'}
 TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
 NAMES = {'rings': 'ring descriptor', 'rings, not registered': 'ring descriptor, without registration',
          'rings, local maps of 10 m': 'ring descriptor, local maps of 10 m',
@@ -47,7 +47,16 @@ def cell(value):
 
 def with_interval(row):
     interval = row.get('ap_interval')  # 95 %
-    return cell(row['ap']) + (f' [{interval[0]:.2f}, {interval[1]:.2f}]' if interval else '')
+    kept = f' [{interval[0]:.2f}, {interval[1]:.2f}]' if interval else ' [not kept]' if 'judged' in row else ''
+    return cell(row['ap']) + kept
+
+
+def cell_of(row, column):
+    if column == 'ap':
+        return with_interval(row)
+    if column == 'blocks':
+        return f'{row["positive_blocks"]} of {row["blocks"]}' if 'blocks' in row else '-'
+    return cell(row.get(column)) + (row.get('remark', '') if column == 'accepted_incorrect' else '')
 
 
 def shown(name):
@@ -63,7 +72,7 @@ def markdown(heads, rows):
 def table(rows, drives, columns):
     drives = drives or dict.fromkeys(row['drive'] for row in rows)
     return markdown(['drive', 'method', *(COLUMNS[c] for c in columns)],
-                    [[drive, shown(row['name']), *(with_interval(row) if c == 'ap' else cell(row.get(c)) for c in columns)] for drive in drives for row in rows if row['drive'] == drive])
+                    [[drive, shown(row['name']), *(cell_of(row, c) for c in columns)] for drive in drives for row in rows if row['drive'] == drive])
 
 
 def table_of_towns(rows, keyframes, routes):
@@ -110,12 +119,14 @@ def brief_table(first, groups):
     for title, rows in groups.items():
         ours = [row for row in rows if row['name'] == 'rings']
         accepted = f'{sum(row["accepted_correct"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
-        values = [cell(mean) + (f' ({n})' if 0 < n < len(ours) else '') for mean, n in (best_mean(rows, names) for names in BRIEF.values())]
         if len(ours) == 1:
             found = ([row for row in rows if row['name'] in names] for names in BRIEF.values())
-            values = [with_interval(max(of, key=lambda row: row['ap'])) if of else '-' for of in found]
-        lines.append([title, *values, accepted, str(sum(row['accepted_incorrect'] for row in ours))])
-    return markdown([first, *BRIEF, 'loops accepted', 'incorrect loops'], lines)
+            values = [cell_of(ours[0], 'blocks'), *(with_interval(max(of, key=lambda row: row['ap'])) if of else '-' for of in found)]
+        else:
+            values = [cell(mean) + (f' ({n})' if 0 < n < len(ours) else '') for mean, n in (best_mean(rows, names) for names in BRIEF.values())]
+        incorrect = str(sum(row['accepted_incorrect'] for row in ours)) + ours[0].get('remark', '')
+        lines.append([title, *values, accepted, incorrect])
+    return markdown([first, *['blocks'][:len(lines[0]) - len(BRIEF) - 3], *BRIEF, 'loops accepted', 'incorrect loops'], lines)
 
 
 def brief_of(rows, wanted):
