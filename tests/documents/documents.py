@@ -215,6 +215,8 @@ class Checker:
         return None if name in FOREIGN or name in ('cmake', 'ctest') else f'the test does not know the command {name}'
 
     def check_block(self, document, block):
+        if 'pip install' in block.text and 'venv' not in block.text:
+            self.fault(document, block.line, "pip without a virtual environment, which Debian's Python refuses")
         for words in commands(block.text):
             wrong = self.check_command(words)
             if wrong:
