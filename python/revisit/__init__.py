@@ -1,4 +1,8 @@
-"""Loop closure detection for LiDAR SLAM, and original Caffe networks, on the CPU."""
+"""Loop closure detection for LiDAR SLAM, and original Caffe networks, on the CPU.
+
+Points of a scan are float32 or float64 [n][3 or more], x forward, y left, z up [m], a structured array [n] with such fields x, y, z, or
+a tuple of three such arrays. Other types raise TypeError, other shapes ValueError.
+"""
 
 from revisit import errors  # before _core, which raises them
 from revisit import _core

@@ -70,7 +70,7 @@ void bind_datasets(nb::module_& module) {
       "points"_a, "seed"_a, "perturbation"_a = nb::none(),
       "Perturbs a scan as if another robot had taken it: float32 [n][4].\n\n"
       "perturbation: comma-separated steps as of `revisit eval --perturb`; None: random "
-      "steps, as in training with augmentation.");
+      "steps, as in training with augmentation. Raises UsageError for an invalid step.");
   module.def(
       "read_recorded_scan",
       [](const fs::path& file) {
@@ -82,7 +82,7 @@ void bind_datasets(nb::module_& module) {
       },
       "file"_a,
       "Reads a scan, float32 [n][4], and its times of points as recorded: the field's name and "
-      "float64 [n]; '' and None if the file has none. See point_times().");
+      "float64 [n]; '' and None if the file has none. See point_times(). Raises InputError.");
   using Values = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
   const auto span_of = [](const Values& values) {
     return std::span<const double>(values.data(), values.shape(0));
@@ -140,7 +140,8 @@ void bind_datasets(nb::module_& module) {
       "points"_a, "times"_a, "T_before_after"_a, "seconds"_a,
       "Transforms points to the sensor's pose at the scan's stamp: float32 [n][4]. Assumes "
       "constant velocity, T_before_after in `seconds`.\n\n"
-      "times: float32 [n], relative to the scan's stamp [s].");
+      "times: float32 [n], relative to the scan's stamp [s]. Raises TypeError or ValueError for "
+      "other arrays.");
   module.def(
       "write_kitti_scan",
       [](const fs::path& file, PointsArgument points) {
@@ -167,7 +168,7 @@ void bind_datasets(nb::module_& module) {
       "read_extrinsic",
       [](const fs::path& file) { return Matrix4d(read_extrinsic(file).matrix()); }, "file"_a,
       "Reads T_body_lidar, float64 [4][4], from KITTI's calib.txt (Tr) or the rows of a 3 x 4 or 4 "
-      "x 4 matrix.");
+      "x 4 matrix. Raises InputError.");
 }
 
 }  // namespace revisit::python

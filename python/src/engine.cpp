@@ -115,11 +115,12 @@ void bind_loading(nb::class_<Net>& net) {
         return Net::load_from_memory(prototxt, bytes_of(weights), options);
       },
       "Like load(), from the content of the files: text of the prototxt, and bytes of a "
-      ".caffemodel or HDF5 file.",
+      ".caffemodel or HDF5 file. Raises as load().",
       "prototxt"_a, "weights"_a);
   def_load<const fs::path&, uint64_t>(
       net, "load_with_random_weights", Net::load_with_random_weights,
-      "Like load(), with seeded random weights, for timing and tests.", "prototxt"_a, "seed"_a);
+      "Like load(), with seeded random weights, for timing and tests. Raises as load().",
+      "prototxt"_a, "seed"_a);
   def_load<const fs::path&>(
       net, "load_without_weights", Net::load_without_weights,
       "Like load(), without a weights file. Unless the prototxt contains all weights, the net can "

@@ -158,7 +158,8 @@ void bind_labels(nb::module_& module) {
       "Returns the curve as columns: threshold, tp, fp, fn, tn, precision, recall, f1. One point "
       "per distinct score, highest first.\n\n"
       "missed: definition of false negatives: 'not-found' (all positives without a true positive) "
-      "or 'rejected' (rejected positives).");
+      "or 'rejected' (rejected positives). Raises UsageError for another, Error for a score of "
+      "NaN.");
   module.def(
       "summarize",
       [](const std::vector<MatchLabel>& labels, const std::string& missed) {
@@ -188,7 +189,7 @@ void bind_labels(nb::module_& module) {
       "Percentile bootstrap over blocks of consecutive queries (Carlstein 1986; Kuensch 1989). NaN "
       "with a single block.\n\n"
       "blocks: block index of each query, from blocks_of(), or the number of consecutive queries "
-      "per block.");
+      "per block. Raises UsageError for blocks that do not match the labels.");
 }
 
 void bind_pairs(nb::module_& module) {
@@ -240,8 +241,9 @@ void bind_tasks(nb::module_& module) {
       .def_ro("places", &Trajectory::places, "Name of the place of each scan; empty without names.")
       .def_rw("listed", &Trajectory::listed,
               "ListedPairs that replace positions as ground truth, or None.");
-  module.def("make_trajectory", nb::overload_cast<const Dataset&>(&make_trajectory), "dataset"_a,
-             "Returns the trajectory of a data set.");
+  module.def(
+      "make_trajectory", nb::overload_cast<const Dataset&>(&make_trajectory), "dataset"_a,
+      "Returns the trajectory of a data set. Raises InputError for positions that are not finite.");
   nb::class_<Protocol>(module, "Protocol", "A named evaluation.")
       .def_ro("name", &Protocol::name, "Name for make_tasks().")
       .def_ro("definition", &Protocol::definition,
@@ -272,7 +274,8 @@ void bind_tasks(nb::module_& module) {
                 rows.push_back(task.stored[static_cast<size_t>(i)]);
             return rows;
           },
-          "query"_a, "Rows that the query with this index in `queries` may match.")
+          "query"_a,
+          "Rows that the query with this index in `queries` may match. Raises IndexError.")
       .def_prop_rw(
           "radius", [](const Task& task) { return task.rule.radius; },
           [](Task& task, double radius) { task.rule.radius = radius; },
@@ -316,7 +319,8 @@ void bind_tasks(nb::module_& module) {
       "task"_a, "trajectory"_a, "length"_a = nb::none(),
       "Returns the block of each query, for bootstrap().\n\n"
       "length: 'meters=100' of the path (default with positions), 'frames=50' (default without), "
-      "'seconds=10', or 'none' for one query per block. With named places, each is one block.");
+      "'seconds=10', or 'none' for one query per block. With named places, each is one block. "
+      "Raises UsageError without the times or poses that `length` needs.");
 }
 
 void bind_matching(nb::module_& module) {
@@ -358,7 +362,7 @@ void bind_matching(nb::module_& module) {
       },
       "matches"_a, "task"_a, "trajectory"_a,
       "Compares matches, in the order of task.queries, with the ground truth: one MatchLabel "
-      "each.");
+      "each. Raises Error for matches of another task.");
   nb::class_<TaskResult>(module, "PairResult", "Result of evaluate_pairs().")
       .def_ro("summary", &TaskResult::summary, "Metrics over the pairs.")
       .def_ro("intervals", &TaskResult::intervals, "95 % intervals; None without resamples.")

@@ -82,7 +82,8 @@ void bind_extractors(nb::module_& module) {
       },
       "extractor"_a, "align"_a = "none", "geometry"_a = ImageGeometry(),
       "Returns a function from a scan to its feature, which aligns, projects and describes. "
-      "Features computed from points ignore `geometry`.");
+      "Features computed from points ignore `geometry`. Raises UsageError for a feature of "
+      "images.");
   module.def(
       "network_features",
       [](const engine::Net& net, const std::string& net_key, const std::array<double, 3>& mean_bgr,
@@ -95,7 +96,8 @@ void bind_extractors(nb::module_& module) {
       "geometry"_a = ImageGeometry(), "threads"_a = 1, "precision"_a = engine::Precision::kFloat32,
       "input_scale"_a = 1.0,
       "The paper's feature: flattened output of a network on the range image. `net_key` identifies "
-      "the weights.");
+      "the weights. mean_bgr: 0 to 255. Raises InputError unless the net has one input of 1 or 3 "
+      "channels.");
 }
 
 void bind_rings(nb::module_& module) {
@@ -114,7 +116,8 @@ void bind_rings(nb::module_& module) {
              "Lists the sensors whose models come with the library.");
   module.def("shipped_ring_model", &shipped_ring_model, "sensor"_a, "weights_sha1"_a = "",
              "Returns a model that comes with the library. Its net is one convolution with random "
-             "weights, or SqueezeNet v1.0 if `weights_sha1` is the SHA-1 of its weights.");
+             "weights, or SqueezeNet v1.0 if `weights_sha1` is the SHA-1 of its weights. Raises "
+             "UsageError for another sensor.");
   module.def("read_ring_model", &read_ring_model, "file"_a,
              "Reads a model that `revisit train` wrote. Raises InputError with the file and the "
              "defect.");
@@ -124,7 +127,8 @@ void bind_rings(nb::module_& module) {
         return ring_net(model, weights.value_or(""));
       },
       nb::call_guard<Unlocked>(), "model"_a, "weights"_a.none() = nb::none(),
-      "Returns the net of a model: its own, or the one with the given weights file.");
+      "Returns the net of a model: its own, or the one with the given weights file. Raises "
+      "InputError if it has none, or they do not match.");
   module.def("ring_recognizer", &rings, nb::call_guard<Unlocked>(), "model"_a,
              "net"_a.none() = nb::none(), nb::kw_only(), "dim"_a = RingOptions().dim,
              "regularization"_a = RingOptions().regularization, "blend"_a = RingOptions().blend,
@@ -132,7 +136,7 @@ void bind_rings(nb::module_& module) {
              "precision"_a = engine::Precision::kFloat32,
              "Ring descriptors, which recognize places under any yaw and give the relative yaw.\n\n"
              "candidates: number of places compared exactly, preselected by compact codes; 0: "
-             "all.");
+             "all. Raises UsageError for invalid options.");
 }
 
 void bind_baselines(nb::module_& module) {

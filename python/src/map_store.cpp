@@ -80,7 +80,7 @@ void bind_open_map(nb::module_& module) {
           nb::call_guard<Unlocked>())
       .def("entries", &entries_of, nb::call_guard<Unlocked>(), "after"_a = 0,
            "Entries with ids above `after`, ascending, as one snapshot. Corrupted entries are "
-           "skipped; `warnings` has a message for each.")
+           "skipped; `warnings` has a message for each. Raises UsageError after close().")
       .def(
           "remove",
           [](OpenMap& map, const std::vector<int64_t>& ids) {
@@ -96,7 +96,8 @@ void bind_open_map(nb::module_& module) {
             return map.with([&](const MapStore& store) { return store.removed(after); });
           },
           nb::call_guard<Unlocked>(), "after"_a = 0,
-          "Ids of removed entries, in order of removal, without the first `after`.")
+          "Ids of removed entries, in order of removal, without the first `after`. Raises "
+          "UsageError after close().")
       .def_prop_ro(
           "warnings", [](const OpenMap& map) { return map.messages.all(); },
           "Warnings about entries that could not be read.")

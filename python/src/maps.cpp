@@ -50,8 +50,8 @@ struct PythonMap : Warnings, Map {
 constexpr const char* kLocateDoc =
     "Where in the map a single scan of unknown pose was taken, as a list of Detection: the best "
     "place and, if it is not accepted, up to two others. Nothing is added. The pose in "
-    "the world of the map is loop.pose @ registered.T_place_query. points: in the sensor's frame "
-    "[m].";
+    "the world of the map is loop.pose @ registered.T_place_query.\n\n"
+    "points: in the sensor's frame [m].";
 
 void bind_records(nb::module_& module) {
   nb::class_<Description>(module, "Description", "The feature of a scan.")
@@ -136,7 +136,8 @@ void bind_map(nb::module_& module) {
           "score: 'margin' (2 c1 - ck), 'distinct-margin' (ck of the k-th distinct place) or "
           "'similarity' (c1); None: the score that the feature was calibrated for, "
           "'distinct-margin' for rings.\n"
-          "mount: transforms points to x forward, y left, z up, float64 [4][4] (parse_mount()).")
+          "mount: transforms points to x forward, y left, z up, float64 [4][4] (parse_mount()). "
+          "Raises as open_map().")
       .def(
           "describe",
           [](const PythonMap& self, PointsArgument points) {
@@ -153,7 +154,8 @@ void bind_map(nb::module_& module) {
           },
           nb::call_guard<Unlocked>(), "scan"_a, "exclude"_a = std::vector<int64_t>(),
           "Returns the best entry. `exclude`: indices of entries to skip, e.g. temporal neighbors "
-          "of the scan. None if no entry is left or the scan was not described.")
+          "of the scan. None if no entry is left or the scan was not described. Raises UsageError "
+          "for a scan of another feature.")
       .def(
           "locate",
           [](PythonMap& self, PointsArgument points) {
@@ -185,13 +187,15 @@ void bind_map(nb::module_& module) {
           "scan"_a, nb::kw_only(), "drive"_a = "", "frame"_a = 0, "time"_a = nb::none(),
           "pose"_a = nb::none(), "points"_a = nb::none(),
           "Adds an entry and returns its index. `pose`: T_world_sensor, float64 [4][4]. `points`: "
-          "as in describe(); LoopDetector registers later scans with them.")
+          "as in describe(); LoopDetector registers later scans with them. Raises UsageError for a "
+          "scan that was not described, Error if it cannot be written.")
       .def(
           "remove",
           [](PythonMap& self, const std::vector<int64_t>& indices) { return self.remove(indices); },
           nb::call_guard<Unlocked>(), "indices"_a,
           "Removes the entries at these indices, also from the file. The other entries keep their "
-          "indices. Returns the number of entries removed by this call.")
+          "indices. Returns the number of entries removed by this call. Raises UsageError for an "
+          "index that does not exist.")
       .def("__len__", &PythonMap::size, nb::call_guard<Unlocked>())
       .def_prop_ro(
           "sensor", [](const PythonMap& self) { return self.options().sensor; },
@@ -315,8 +319,10 @@ void bind_loop_detector(nb::module_& module) {
           },
           "points"_a, nb::kw_only(), "frame"_a = nb::none(), "time"_a = nb::none(),
           "pose"_a = nb::none(),
-          "points: in the sensor's frame [m]. frame: ascends; None: the next. time: [s]. pose: "
-          "T_world_sensor, float64 [4][4].\n"
+          "Takes the next scan of the drive. A failure to describe it is in Detection.error.\n\n"
+          "points: in the sensor's frame [m].\n"
+          "frame: above that of the scan before; None: the next. time: [s].\n"
+          "pose: T_world_sensor, float64 [4][4] [m].\n"
           "Raises UsageError if the exclusion needs a time that is not given.")
       .def(
           "locate",

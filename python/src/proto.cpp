@@ -164,7 +164,9 @@ void bind_graph(nb::module_& module) {
           return proto::resolve(parsed);
         });
       },
-      "net"_a, "Resolves the blob names of a serialized NetParameter in the current format.");
+      "net"_a,
+      "Resolves the blob names of a serialized NetParameter in the current format. Raises "
+      "InputError for other bytes.");
 }
 
 void bind_net_file(nb::module_& module) {
@@ -184,7 +186,8 @@ void bind_net_file(nb::module_& module) {
           },
           "Name and type of each layer.")
       .def("set_weights", &set_weights, "weights"_a,
-           "Sets the arrays (float32, C order) of layers by name; other layers keep theirs.")
+           "Sets the arrays (float32, C order) of layers by name; other layers keep theirs. Raises "
+           "UsageError for an unknown layer.")
       .def(
           "text", [](const NetFile& file) { return proto::net_text(file.net); },
           "Returns the prototxt.")
@@ -194,13 +197,13 @@ void bind_net_file(nb::module_& module) {
       .def(
           "write_text",
           [](const NetFile& file, const fs::path& path) { proto::write_net_text(path, file.net); },
-          "path"_a, "Writes a prototxt atomically.")
+          "path"_a, "Writes a prototxt atomically. Raises Error if it cannot be written.")
       .def(
           "write_binary",
           [](const NetFile& file, const fs::path& path) {
             proto::write_net_binary(path, file.net);
           },
-          "path"_a, "Writes a caffemodel atomically.");
+          "path"_a, "Writes a caffemodel atomically. Raises Error if it cannot be written.");
   module.def(
       "read_net",
       [](const fs::path& prototxt, bool allow_unknown_fields, bool keep_unread, bool keep_training,
@@ -219,7 +222,8 @@ void bind_net_file(nb::module_& module) {
       "keep_unread: skip fields of layers that do not parse instead of raising, for a net that is "
       "loaded truncated before these layers.\n"
       "keep_training: keep all layers.\n"
-      "keep_python: keep layers of type Python, for a caller that runs them.");
+      "keep_python: keep layers of type Python, for a caller that runs them.\n\nRaises InputError "
+      "with file, line and column.");
   module.def(
       "parse_net",
       [](const std::string& text, const std::string& name, bool allow_unknown_fields,
@@ -230,7 +234,8 @@ void bind_net_file(nb::module_& module) {
       },
       nb::call_guard<Unlocked>(), "text"_a, "name"_a = "<prototxt>", nb::kw_only(),
       "allow_unknown_fields"_a = false, "keep_training"_a = false, "keep_python"_a = false,
-      "limits"_a = nb::none(), "Like read_net(), from text; `name` replaces the path in messages.");
+      "limits"_a = nb::none(),
+      "Like read_net(), from text; `name` replaces the path in messages. Raises as read_net().");
   module.def(
       "read_net_binary",
       [](const fs::path& file, const std::optional<Limits>& limits) {
@@ -241,7 +246,7 @@ void bind_net_file(nb::module_& module) {
       "is none or exceeds a limit.");
   module.def("net_of_layers", &net_of_layers, "name"_a, "layers"_a,
              "Returns a net of layers in the current format: pairs of a serialized LayerParameter "
-             "and its arrays (float32, C order).");
+             "and its arrays (float32, C order). Raises InputError for other bytes.");
   module.def(
       "readable_net",
       [](const nb::bytes& net) {
@@ -282,7 +287,8 @@ void bind_weights(nb::module_& module) {
       .def_prop_ro("layers", &SharedWeightsFile::layers,
                    "Name and number of arrays of each layer, in file order. Names may repeat.")
       .def("read", &SharedWeightsFile::read, "index"_a,
-           "Reads the arrays of layers[index]; None for one stored under another layer.");
+           "Reads the arrays of layers[index]; None for one stored under another layer. Raises "
+           "IndexError, InputError.");
   module.def(
       "read_binaryproto",
       [](const fs::path& file, const std::optional<Limits>& limits) {

@@ -44,7 +44,8 @@ void bind_images(nb::module_& module) {
       },
       "points"_a, "geometry"_a = ImageGeometry(),
       "Projects a scan without alignment to a range image [height][width]: 0 (no return) to 255 "
-      "(max_range or farther). Column 0 looks backwards; azimuth decreases with the column.");
+      "(max_range or farther). Column 0 looks backwards; azimuth decreases with the column. "
+      "float32.");
   module.def(
       "scan_to_image",
       [](PointsArgument points, const std::string& align, const ImageGeometry& geometry) {
@@ -54,7 +55,7 @@ void bind_images(nb::module_& module) {
       },
       "points"_a, "align"_a = "none", "geometry"_a = ImageGeometry(),
       "Returns the input image of features: the scan is aligned ('none', 'case1' or 'case2') and "
-      "projected, then holes are closed.");
+      "projected, then holes are closed. Raises InputError if it cannot be aligned.");
 }
 
 void bind_sensors(nb::module_& module) {
@@ -81,12 +82,13 @@ void bind_sensors(nb::module_& module) {
       },
       "scans"_a, "feature_key"_a = "",
       "Returns the sensor of shipped_ring_models() whose model suits these scans best, and the "
-      "reason. `feature_key`: feature_key_of() an existing map, whose model is preferred.");
+      "reason. `feature_key`: feature_key_of() an existing map, whose model is preferred. Raises "
+      "UsageError without points.");
   module.def(
       "parse_mount", [](const std::string& mount) { return Matrix4d(parse_mount(mount).matrix()); },
       "mount"_a,
       "Parses 'roll,pitch,yaw,x,y,z' [deg, m]: rotations about x, y, z, then the translation. "
-      "Returns float64 [4][4].");
+      "Returns float64 [4][4]. Raises UsageError.");
 }
 
 void bind_alignment(nb::module_& module) {

@@ -90,7 +90,7 @@ void bind_run(nb::module_& module) {
           },
           "name"_a,
           "Writable view of an input. Must not be written during a pass. Values persist across "
-          "forward passes.")
+          "forward passes. Raises UsageError for an unknown name.")
       .def(
           "set_input",
           [](nb::handle self, const std::string& name, GivenFloats values) {
@@ -109,11 +109,13 @@ void bind_run(nb::module_& module) {
             });
           },
           "inputs"_a = nb::dict(),
-          "Runs one pass after set_input() of `inputs`. Other inputs keep their values.")
+          "Runs one pass after set_input() of `inputs`. Other inputs keep their values. Raises as "
+          "set_input(), and UsageError while another thread uses the run.")
       .def("output", &output_of, "name"_a,
            "Read-only view of an output, which the next pass overwrites. If it is a view of an "
            "input (Reshape, Slice), setting that input overwrites it. If the number of rows "
-           "depends on the data, the shape is that of the last pass.")
+           "depends on the data, the shape is that of the last pass. Raises UsageError for an "
+           "unknown name.")
       .def(
           "layer_output",
           [](nb::handle self, const std::string& name) {
