@@ -7,6 +7,7 @@
   (below), in the order of the text, and must succeed.
 - A block of ```sh behind the comment <!-- not run: REASON --> is only checked: `revisit` must know the options, scripts and presets must exist,
   a Python script must know the options. Code between backquotes that begins with `revisit ` is checked likewise.
+- Lines of a block behind <!-- output --> are printed by the block of commands before.
 - A sentence has at most SENTENCE_WORDS words. A piece of code between backquotes is one word.
 - A table cell has at most CELL_WORDS words, and no formula (FORMULA). Tables that a program writes are exempt.
 - No line has one of the PHRASES.
@@ -72,6 +73,7 @@ class Block:
         self.line, self.text = line, ''
         comment = re.fullmatch(r'\s*<!-- not run: (.+) -->', before)
         self.reason = comment[1] if comment else None
+        self.is_output = before.strip() == '<!-- output -->'
 
 
 def split(document):
@@ -371,7 +373,7 @@ def main():
             checker.check_tables(document)
             if document.name == 'README.md':
                 checker.check_numbers(document)
-            shell = [block for block in blocks if block.language == 'sh']
+            shell, printed = [block for block in blocks if block.language == 'sh' or block.is_output], ''
             folder = Path(scratch, document.stem)
             shutil.copytree(things, folder, copy_function=os.link)
             environment = environment_of(folder, program)
@@ -383,13 +385,18 @@ def main():
                 elif block.rest:
                     checker.fault(document, block.line, 'behind the language stands nothing; <!-- not run: REASON --> stands before the block')
             for block in shell:
+                if block.is_output:
+                    for line in filter(None, map(str.strip, block.text.splitlines())):
+                        if ' '.join(line.split()) not in printed:
+                            checker.fault(document, block.line, f'the commands before do not print: {line}')
+                    continue
                 if block.reason:
                     checker.check_block(document, block)
                     n_checked += 1
                     continue
                 done = subprocess.run(['bash', '-euo', 'pipefail', '-c', block.text], cwd=folder, env=environment, text=True,
                                       stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-                n_run += 1
+                n_run, printed = n_run + 1, ' '.join(done.stdout.split())
                 for word in set(FORMER.findall(done.stdout)):
                     checker.fault(document, block.line, f'the output has the former word "{word}"')
                 if done.returncode != 0:
