@@ -12,8 +12,8 @@ folder=$(mkdir -p "${1:-dist}" && cd "${1:-dist}" && pwd)
 
 if [ "${2:-}" = --bare ]; then
   lines=$(mktemp)
-  packaging/clean_system.sh "$VERSION_CODENAME" "$3" /dev/null
-  cp -r "$folder" "$3/root/dist"
+  [ -d "$3" ] || packaging/clean_system.sh "$VERSION_CODENAME" "$3" /dev/null
+  cp -rT "$folder" "$3/root/dist"
   cat >"$lines" <<'END'
 apt-get update -qq && apt-get install -y -qq --no-install-recommends python3 python3-venv >/dev/null
 rm -rf /root/revisit/* && cd /root && test -z "$(command -v g++ cmake)"

