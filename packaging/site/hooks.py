@@ -98,6 +98,7 @@ def python_programs():
 
 
 def on_config(config):
+    config['repo_url'] = REPOSITORY or None
     pages = [(f'revisit {" ".join(words)}', "-".join(words), page_of(words, text)) for words, text in commands()]
     pages += [(title, name, f'# {title}\n\n```text\n{text.rstrip()}\n```\n') for title, name, text in python_programs()]
     config['pages_of_commands'] = {f'commands/{name}.md': text for _, name, text in pages}
