@@ -6,9 +6,11 @@
 #include <map>
 
 #include "cli/command.h"
+#include "cli/shell.h"
 #include "cli/terminal.h"
 #include "loops/labeled_matches.h"
 #include "loops/loop_outputs.h"
+#include "loops/loop_views.h"
 #include "loops/loop_writer.h"
 #include "loops/map_source.h"
 #include "loops/recognize.h"
@@ -33,7 +35,8 @@ struct LoopsOptions {
   std::optional<double> target_precision;
   std::optional<double> follow;
   std::optional<bool> verify;  // absent: if the feature and the map allow it
-  bool all = false, no_deskew = false, no_verify = false;
+  bool all = false, no_deskew = false, no_verify = false, view = false, rerun = false;
+  std::string command;
   std::string exclusion_text = to_string(exclusion), keyframes = "all", gate_text = "2,0.1,0.5";
   std::optional<OdometryGate> gate;
 
@@ -115,6 +118,13 @@ void LoopsOptions::declare_output(Options& options) {
       .option("tum", "FILE",
               "trajectory of the sensor from registered loops, in the frame of the map's poses",
               &tum)
+      .common()
+      .flag("view",
+            "HTML page of all scans and loops that grows with them, in a browser: loops.html, or "
+            "as --output",
+            &view)
+      .common()
+      .flag("rerun", "scans, path and loops live in Rerun, by the Python package", &rerun)
       .common();
 }
 
@@ -218,8 +228,11 @@ void note_point_times(const Dataset& data, bool no_deskew) {
 /// Where lines, the pose graph and the trajectory go.
 class LoopOutputs {
  public:
-  LoopOutputs(const LoopsOptions& options, bool all)
-      : o_(options), all_(all), writer_(open_file(), options.format) {
+  LoopOutputs(const LoopsOptions& options, std::optional<double> threshold,
+              const std::string& drive)
+      : o_(options), threshold_(threshold), writer_(open_file(), options.format) {
+    if (!page().empty()) page_.emplace(page(), drive, o_.command);
+    if (o_.rerun) viewer_.emplace(o_.feature);
     if (!o_.g2o.empty()) graph_.emplace(o_.g2o);
     if (!o_.tum.empty()) trajectory_.emplace(o_.tum);
   }
@@ -234,7 +247,20 @@ class LoopOutputs {
                        *found.loop->pose * found.registered->T_place_query);
       ++trajectory_poses_;
     }
-    if (found.accepted || all_) writer_.write(line_of(visit, drive));
+    reports::LoopLine line = line_of(visit, drive);
+    if (threshold_) line.set_threshold(*threshold_);
+    if (found.accepted || o_.all || !threshold_) writer_.write(line);
+    if (page_) page_->add(line);
+    if (viewer_) viewer_->add(line);
+  }
+  void finish() {
+    if (page_) page_->finish();
+  }
+
+  /// "": none.
+  std::string page() const {
+    if (!o_.view) return "";
+    return fs::path(o_.output.empty() ? "loops" : o_.output).replace_extension("html").string();
   }
 
   /// `questioned`: frames.
@@ -280,11 +306,13 @@ class LoopOutputs {
   }
 
   const LoopsOptions& o_;
-  const bool all_;
+  const std::optional<double> threshold_;
   std::ofstream file_;
   LoopWriter writer_;
   std::optional<PoseGraphWriter> graph_;
   std::optional<TrajectoryWriter> trajectory_;
+  std::optional<LoopPage> page_;
+  std::optional<RerunViewer> viewer_;
   std::map<int64_t, std::string> edges_;  // of loops, by the frames of their queries
   int64_t trajectory_poses_ = 0, poses_ = 0, not_in_graph_ = 0;
 };
@@ -307,8 +335,7 @@ class LoopRun {
   }
 
   int run() {
-    const bool all = o_.all || !detector_.threshold();
-    LoopOutputs outputs(o_, all);
+    LoopOutputs outputs(o_, detector_.threshold(), drive_);
     LoopSummary summary(o_.exclusion, detector_.threshold());
     std::vector<double> milliseconds;
     cli::Progress progress("recognizing", "scans", o_.shows_progress());
@@ -322,11 +349,13 @@ class LoopRun {
       milliseconds.push_back(visit.milliseconds);
       outputs.add(visit, detector_.drive());
     });
+    outputs.finish();
     if (!o_.feature.quiet) {
       if (detector_.drive() != drive_)
         note(str("the map has another recording '", drive_, "'; this one is stored as '",
                  detector_.drive(), "'"));
       std::cerr << summary.text() << ", " << map_.size() << " map entries\n";
+      if (!outputs.page().empty()) std::cerr << "page: " << outputs.page() << "\n";
       outputs.warn_of_gaps(summary.questioned());
       print_latencies(std::move(milliseconds), map_.size());
     }
@@ -382,6 +411,7 @@ class LoopRun {
 };
 
 int detect_loops(LoopsOptions& o, const Options& options) {
+  o.command = shell_command("revisit loops", options.arguments());
   return LoopRun(o, options.given("target-precision")).run();
 }
 

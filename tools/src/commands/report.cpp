@@ -1,9 +1,6 @@
 #include "report/report.h"
 
-#include <chrono>
-#include <functional>
 #include <iostream>
-#include <thread>
 
 #include "cli/command.h"
 #include "cli/json.h"
@@ -16,33 +13,11 @@ namespace revisit::cli {
 namespace fs = std::filesystem;
 namespace {
 
-/// Calls `make` now and on every change of a size. Ends after `patience` [s] without one.
-void while_they_grow(const std::vector<fs::path>& files, double patience,
-                     const std::function<void()>& make) {
-  using Clock = std::chrono::steady_clock;
-  constexpr auto kMoment = std::chrono::milliseconds(500);
-  std::vector<uintmax_t> seen;
-  for (Clock::time_point last = Clock::now();
-       !interrupted() && std::chrono::duration<double>(Clock::now() - last).count() <= patience;
-       std::this_thread::sleep_for(kMoment)) {
-    std::vector<uintmax_t> sizes;
-    for (const fs::path& file : files) {
-      std::error_code none;
-      sizes.push_back(fs::file_size(file, none));
-    }
-    if (sizes == seen) continue;
-    seen = std::move(sizes);
-    make();
-    last = Clock::now();
-  }
-}
-
 struct ReportOptions {
   std::vector<fs::path> folders;
   fs::path output = "report.html";
   std::string format = "table";
   PageOptions page;
-  std::optional<double> follow;
   bool quiet = false, force = false;
 
   void declare(Options& options) {
@@ -55,12 +30,6 @@ struct ReportOptions {
                 "queries with range images, for each of incorrect, missed and correct (default 3)",
                 &page.queries)
         .at_least(0);
-    options
-        .option("follow", "SECONDS",
-                "update of the page whenever a file of loops grows, until none grows for this "
-                "time; the browser reloads it",
-                &follow)
-        .positive();
     options.flag("force", "replacement of files that are not reports", &force);
     options.flag("quiet", "only errors", &quiet, 'q');
   }
@@ -87,12 +56,6 @@ void print_page(const ReportOptions& o, const reports::Page& page) {
 int run_report(ReportOptions& o, const Options& options) {
   check_files(o);
   o.page.command = shell_command("revisit report", options.arguments());
-  if (o.follow)
-    while_they_grow(o.folders, *o.follow, [&] {
-      o.page.reloads = true;
-      write_report(o.folders, o.output, o.page);
-    });
-  o.page.reloads = false;
   const reports::Page page = write_report(o.folders, o.output, o.page);
   if (!o.quiet) print_page(o, page);
   return kOk;
@@ -107,13 +70,13 @@ Command report_command() {
           "times, and the command for each number. Figures can be saved as pictures. Prints mean "
           "and sample standard deviation of the metrics of runs with the same settings, such as "
           "the seeds of a simulated drive. Of files of `revisit loops --all --format jsonl` it "
-          "shows the map of loops, also while the file grows; of .csv files of your own matches "
-          "(columns score and correct; perhaps positive and ignored) curve and metrics.",
+          "shows the map of loops; of .csv files of your own matches (columns score and correct; "
+          "perhaps positive and ignored) curve and metrics.",
           "  revisit report results/town_05/latest -o report.html\n"
           "  revisit report results/town*/latest                  # a table of mean and deviation\n"
           "  revisit report results/paper -o report.html          # all experiments below\n"
           "  revisit report rings.csv scan_context.csv            # your own matches\n"
-          "  revisit report loops.jsonl --follow 10 -o loops.html\n",
+          "  revisit report loops.jsonl -o loops.html\n",
           with_options<ReportOptions>(run_report)};
 }
 

@@ -62,18 +62,6 @@ Table csv_table() {
       "pose_qx,pose_qy,pose_qz,pose_qw,covariance"));
 }
 
-/// Removes the quotes that protobuf puts around 64-bit integers.
-std::string json_of(const reports::LoopLine& loop) {
-  std::string json = to_compact_json(loop);
-  const std::string name = "\"match_frame\":\"";  // within a text its quotes would be escaped
-  if (const size_t at = json.find(name); at != std::string::npos) {
-    const size_t quote = at + name.size() - 1;
-    json.erase(json.find('"', quote + 1), 1);
-    json.erase(quote, 1);
-  }
-  return json;
-}
-
 template <class Message>
 void set_position(const std::optional<Eigen::Isometry3d>& pose, const Message& message) {
   if (!pose) return;
@@ -107,6 +95,18 @@ void set_covariance(const Eigen::Matrix<double, 6, 6>& information, reports::Reg
 }
 
 }  // namespace
+
+std::string json_of(const reports::LoopLine& loop) {
+  std::string json = to_compact_json(loop);
+  // Without the quotes that protobuf puts around 64-bit integers.
+  const std::string name = "\"match_frame\":\"";  // within a text its quotes would be escaped
+  if (const size_t at = json.find(name); at != std::string::npos) {
+    const size_t quote = at + name.size() - 1;
+    json.erase(json.find('"', quote + 1), 1);
+    json.erase(quote, 1);
+  }
+  return json;
+}
 
 reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   reports::LoopLine line;

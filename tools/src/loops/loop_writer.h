@@ -9,6 +9,9 @@
 
 namespace revisit::cli {
 
+/// A line of JSON, without its end.
+std::string json_of(const reports::LoopLine& loop);
+
 reports::LoopLine line_of(const Visit& visit, const std::string& drive);
 
 /// Prints one line per loop without delay: "csv" with a header, or "jsonl".

@@ -338,17 +338,22 @@ RecordedScans recorded_scans(std::istream& in, const std::string& source, std::s
           [stream] { return stream->next(); }};
 }
 
-RecordedScans read_recording(const FeatureOptions& options, bool headers) {
-  const char* const python = std::getenv("REVISIT_PYTHON");
-  Arguments words = {python != nullptr ? python : "python3", "-c",
-                     str(kProgram, "sys.exit(main(headers=", headers ? "True" : "False", "))"),
-                     str("--every=", options.every)};
+Arguments reader_options(const FeatureOptions& options) {
+  Arguments words = {str("--every=", options.every)};
   for (const auto& [option, value] :
        {std::pair("--sequence=", options.sequence), std::pair("--topics=", options.topics),
         std::pair("--extrinsics=", options.extrinsics.string()),
         std::pair("--point-times=",
                   options.point_times == "auto" ? std::string() : options.point_times)})
     if (!value.empty()) words.push_back(option + value);
+  return words;
+}
+
+RecordedScans read_recording(const FeatureOptions& options, bool headers) {
+  const char* const python = std::getenv("REVISIT_PYTHON");
+  Arguments words = {python != nullptr ? python : "python3", "-c",
+                     str(kProgram, "sys.exit(main(headers=", headers ? "True" : "False", "))")};
+  std::ranges::move(reader_options(options), std::back_inserter(words));
   words.push_back("--");
   words.push_back(options.data.string());
   const auto reader = std::make_shared<ReaderProcess>(std::move(words));

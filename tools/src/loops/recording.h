@@ -31,6 +31,9 @@ RecordedScans recorded_scans(
     std::istream& in, const std::string& source, std::string first = "",
     const std::function<std::string()>& ending = [] { return std::string(); });
 
+/// Options of `revisit.recordings` and `revisit.show` that say how `data` is read.
+Arguments reader_options(const FeatureOptions& data);
+
 /// Starts `revisit.recordings` of the Python package, which $REVISIT_PYTHON or else python3 has.
 /// `headers`: without points. The process ends with the last copy of `next`. Throws what
 /// recorded_scans() throws.

@@ -142,7 +142,8 @@ RangeImage reduced(const RangeImage& image) {
              x < (column + 1) * image.width / small.width; ++x)
           if (image.at(y, x) > 0) sum += image.at(y, x), ++count;
       const float mean = count > 0 ? sum / count : 0;
-      small.pixels.push_back(std::ceil(mean * kLevels / 255) * 255 / kLevels);
+      // Gamma 2, because most ranges are a small part of the maximum.
+      small.pixels.push_back(std::ceil(std::sqrt(mean / 255) * kLevels) * 255 / kLevels);
     }
   return small;
 }

@@ -7,7 +7,7 @@
   const kCorrect = "#1a9641", kIncorrect = "#d7191c", kMissed = "#f39c12", kStored = "#3b76b5", kPath = "#a9b0b8";
   const kMetrics = [["average_precision", "AP"], ["f1_max", "F1 max"],
     ["max_recall_at_precision_1", "recall, 100 % prec."], ["recall_at_1", "recall@1"]];
-  const charts = [];
+  const charts = [], kWidest = innerWidth / 320;  // aspect on a phone
 
   // Text is always set as text, so data cannot become markup.
   function el(tag, attributes = {}, ...children) {
@@ -21,13 +21,14 @@
   }
   const number = (value, digits = 3) => Number.isFinite(value) ? value.toFixed(digits) : "";
   const list = value => value || [];
+  const extent = values => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
   function table(header, rows) {
     const isNumber = header.map(([, kind]) => kind === "n");
     return el("div", { class: "scroll" }, el("table", {},
       el("thead", {}, el("tr", {}, header.map(([name], i) => el("th", { class: isNumber[i] ? "n" : "" }, name)))),
       el("tbody", {}, rows.map(row => el("tr", {}, row.map((cell, i) => {
         const best = cell && cell.best;
-        return el("td", { class: [isNumber[i] ? "n" : "", best ? "best" : ""].join(" ").trim() },
+        return el("td", { class: [isNumber[i] ? "n" : "", best ? "best" : ""].join(" ").trim(), "data-label": header[i][0] },
           cell && cell.text !== undefined ? cell.text : cell);
       }))))));
   }
@@ -60,7 +61,7 @@
   function plot(name, config, aspect) {
     const canvas = el("canvas", { role: "img", "aria-label": name });
     const box = el("div", { class: "plot" }, canvas);
-    config.options = { animation: false, responsive: true, maintainAspectRatio: true, aspectRatio: aspect,
+    config.options = { animation: false, responsive: true, maintainAspectRatio: true, aspectRatio: Math.min(aspect, kWidest),
       parsing: false, normalized: true, interaction: { mode: "nearest", intersect: false, axis: "xy" }, ...config.options };
     config.options.plugins = { legend: { display: false }, ...config.options.plugins };
     theme(config.options);
@@ -206,31 +207,45 @@
   }
   const dots = (label, data, color, radius) => ({ label, legend: `${label} (${data.length})`, data, borderColor: color, backgroundColor: color,
     pointRadius: radius, pointHitRadius: 4, borderWidth: 0 });
-  const joined = (belongsTo, data, color, width = 1) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: color, borderWidth: width, pointRadius: 0, pointHitRadius: 0 });
+  // Parsed, because Chart.js takes other data as sorted and leaves out lines.
+  const joined = (belongsTo, data, color, width = 1) => ({ belongsTo, data, parsing: true, showLine: true, spanGaps: false, borderColor: color, borderWidth: width, pointRadius: 0, pointHitRadius: 0 });
   /** Equal scales. Only points with `scan` have a tooltip. */
-  function groundPlot(name, xs, zs, datasets, label) {
-    const range = values => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
-    const [x0, x1] = range(xs), [z0, z1] = range(zs), margin = .04 * Math.max(x1 - x0, z1 - z0, 10);
-    const width = x1 - x0 + 2 * margin, height = z1 - z0 + 2 * margin, aspect = Math.min(Math.max(width / height, 1), 2.5);
+  function groundPlot(name, xs, zs, datasets, label, display = true) {
+    const [x0, x1] = extent(xs), [z0, z1] = extent(zs), margin = .04 * Math.max(x1 - x0, z1 - z0, 10);
+    const width = x1 - x0 + 2 * margin, height = z1 - z0 + 2 * margin, aspect = Math.min(Math.max(width / height, 1), 2.5, kWidest);
     const grow = Math.max(0, aspect * height - width) / 2, rise = Math.max(0, width / aspect - height) / 2;
     return plot(name, { type: "scatter", data: { datasets }, options: {
-      scales: { x: axis("x, right [m]", { min: x0 - margin - grow, max: x1 + margin + grow }), y: axis("z, forward [m]", { min: z0 - margin - rise, max: z1 + margin + rise }) },
+      scales: { x: axis("x, right [m]", { display, min: x0 - margin - grow, max: x1 + margin + grow }), y: axis("z, forward [m]", { display, min: z0 - margin - rise, max: z1 + margin + rise }) },
       plugins: { tooltip: { filter: item => item.raw.scan !== undefined, callbacks: { label } } } } }, aspect);
+  }
+  /** Links between near scans stand upright. kinds: [label, color, links]; a link: a scan, and its match or the match's position in an earlier drive. */
+  function raisedPlot(name, xs, zs, kinds) {
+    const size = Math.max(...[xs, zs].map(extent).map(([low, high]) => high - low), 1), [x0] = extent(xs), [z0] = extent(zs);
+    const at = (x, z, time) => ({ x: .87 * (x - x0) - .5 * (z - z0), y: .25 * (x - x0) + .43 * (z - z0) + .5 * size * time });
+    const path = xs.map((x, i) => at(x, zs[i], i / xs.length)), end = to => typeof to === "number" ? path[to] : at(to.x, to.y, -.2);
+    const ends = kinds.flatMap(([, , links]) => links.map(([, to]) => end(to))), all = [...path, ...ends];
+    return [groundPlot(name, all.map(p => p.x), all.map(p => p.y), [
+      ...kinds.map(([label, color, links]) => dots(label, links.map(([from]) => path[from]), color, 2)),
+      ...kinds.map(([label, color, links]) => joined(label, links.flatMap(([from, to]) => [path[from], end(to), { x: NaN, y: NaN }]), color + "80")),
+      joined("", pathOf(path.map(p => p.x), path.map(p => p.y)), kPath, 1.6)], () => "", false), el("p", { class: "soft" }, "The same from the side, raised by time.")];
   }
   function mapPlot(run, task) {
     const drive = scansOf(run), frame = list(drive.frame), xs = list(drive.x), zs = list(drive.z);
     if (!xs.length) return el("p", { class: "soft" }, "Places are known by name: there is no map.");
     const at = scan => ({ x: xs[scan], y: zs[scan], scan });
-    const points = { correct: [], incorrect: [], missed: [] }, lines = { correct: [], incorrect: [] };
+    const points = { correct: [], incorrect: [], missed: [] }, lines = { correct: [], incorrect: [] }, links = { correct: [], incorrect: [] };
     list(task.scan).forEach((scan, i) => {
       const kind = outcome(list(task.flags)[i]), match = (matchesOf(task, i)[0] || { scan: -1 }).scan;
       if (!points[kind]) return;
       points[kind].push({ ...at(scan), match, score: list(task.score)[i] });
-      if (lines[kind] && match >= 0) lines[kind].push(at(scan), at(match), { x: NaN, y: NaN });
+      if (!lines[kind] || match < 0) return;
+      lines[kind].push(at(scan), at(match), { x: NaN, y: NaN });
+      links[kind].push([scan, match]);
     });
     const shown = list(task.shown).flatMap(query => [list(task.scan)[query.query || 0], ...matchesOf(task, query.query || 0).slice(0, 1).map(match => match.scan)]).map(at);
     const rings = { ...dots("shown below", shown, "#7f6fc9", 6), legend: `shown below (${list(task.shown).length})`, backgroundColor: "transparent", borderWidth: 2, pointHitRadius: 0 };
-    return groundPlot(`map, ${run.title}, ${task.metrics.protocol}`, xs, zs, [
+    const name = `map, ${run.title}, ${task.metrics.protocol}`, card = (...children) => el("div", { class: "card" }, ...children);
+    return el("div", { class: "grid" }, card(groundPlot(name, xs, zs, [
       ...(shown.length ? [rings] : []),
       dots("correct", points.correct, kCorrect, 2.5), dots("incorrect", points.incorrect, kIncorrect, 2.5), dots("missed", points.missed, kMissed, 2.5),
       dots("stored", list(task.stored).map(at), kStored, 1.5), dots("scans", frame.map((_, i) => at(i)), kPath, 1.2),
@@ -238,7 +253,7 @@
         const raw = item.raw, text = [`${item.dataset.label || ""} ${frame[raw.scan]}`];
         if (raw.match >= 0) text.push(`best match ${frame[raw.match]}, ${number(Math.hypot(xs[raw.scan] - xs[raw.match], zs[raw.scan] - zs[raw.match]), 1)} m away`, `score ${number(raw.score, 4)}`);
         return text;
-      });
+      })), card(...raisedPlot(`raised ${name}`, xs, zs, [["correct", kCorrect, links.correct], ["incorrect", kIncorrect, links.incorrect]])));
   }
   /** Bins start at `low` and are `width` wide. Fractions, because correct matches are often too few to be visible as counts. */
   function histogram(name, low, width, series, threshold, title) {
@@ -304,7 +319,7 @@
           [["", ...kMetrics.map(([key]) => metric(task.metrics, key)), String(task.metrics.n_queries ?? 0), String(task.metrics.n_positives ?? 0), `${task.metrics.distance} < ${task.metrics.radius_m} m, exclusion ${task.metrics.exclusion}`]]),
         el("div", { class: "grid" }, el("div", { class: "card" }, prPlot(`precision and recall, ${run.title}, ${task.metrics.protocol}`, [prDataset(task.metrics.protocol, task.curve, task.metrics, 0)])),
           list(task.scan).length || task.histogram ? el("div", { class: "card" }, scorePlot(run, task)) : null),
-        list(task.scan).length ? el("div", { class: "card map" }, mapPlot(run, task)) : null,
+        list(task.scan).length ? mapPlot(run, task) : null,
         list(task.shown).length ? el("details", { open: "open" }, el("summary", {}, "Queries: errors with the highest scores, misses with the lowest, and correct ones"), browser(run, task)) : null]).flat(),
       ...(list(scansOf(run).frame).length ? [el("h3", {}, "Alignment"), ...alignmentPlots(run)] : []),
       el("h3", {}, "Time and memory"),
@@ -341,24 +356,28 @@
     const label = item => text(lines[item.raw.scan]);
     const positions = new Map(lines.map((line, i) => [line, i])), point = (line, x, y) => ({ x, y, scan: positions.get(line) });
     const placed = lines.filter(line => line.position), along = axis => placed.map(line => line.position[axis] || 0);
-    const range = axis => along(axis).reduce((a, b) => Math.max(a, b), -Infinity) - along(axis).reduce((a, b) => Math.min(a, b), Infinity);
+    const range = axis => { const [low, high] = extent(along(axis)); return high - low; };
     const ahead = range("z") > range("y") ? "z" : "y", xs = along("x"), zs = along(ahead);  // z: the axes of KITTI's camera
     const ground = line => point(line, line.position.x || 0, line.position[ahead] || 0), place = line => ({ x: line.match_position.x || 0, y: line.match_position[ahead] || 0 });
     const onMap = found.filter(line => line.position && line.match_position);
+    const order = new Map(placed.map((line, i) => [line.frame, i]));
+    const links = onMap.map(line => [order.get(line.frame), (own(line) ? order.get(Number(line.match_frame)) : undefined) ?? place(line)]);
     const matrix = plot(`matches, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
       dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColors[i % kColors.length], 2.5)) },
-      options: { scales: { x: axis("scan", { min: 0 }), y: axis("matched frame", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
-    const asked = lines.filter(line => line.score !== undefined);
+      options: { scales: { x: axis("frame", { min: 0 }), y: axis("matched frame", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
+    const asked = lines.filter(line => line.score !== undefined), limits = asked.filter(line => line.threshold !== undefined);
     const scores = plot(`scores, ${name}`, { type: "scatter", data: { datasets: [dots("accepted", found.map(line => point(line, line.frame, line.score)), kCorrect, 2.2),
-      ...(rejected.length ? [dots("rejected by registration", rejected.map(line => point(line, line.frame, line.score)), kIncorrect, 2.5)] : []),
-      dots("not accepted", asked.filter(line => !isLoop(line) && !line.registered).map(line => point(line, line.frame, line.score)), kPath, 1.6)] },
-      options: { scales: { x: axis("scan"), y: axis("score") }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
+      ...(rejected.length ? [dots("rejected after registration", rejected.map(line => point(line, line.frame, line.score)), kIncorrect, 2.5)] : []),
+      dots("not accepted", asked.filter(line => !isLoop(line) && !line.registered).map(line => point(line, line.frame, line.score)), kPath, 1.6),
+      ...(limits.length ? [{ ...joined("", [limits[0], limits[limits.length - 1]].map(line => ({ x: line.frame, y: line.threshold })), css("--text"), 1.6), borderDash: [5, 4],
+        label: "threshold", legend: `threshold ${number(limits[0].threshold)}` }] : [])] },
+      options: { scales: { x: axis("frame"), y: axis("score") }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     return el("section", { id: `loops${index + 1}` }, el("h2", {}, `Loops: ${name}`),
-      table([["scans in the file", "n"], ["loops", "n"], ["rejected by registration", "n"], ["median score", "n"], ["median distance to the match [m]", "n"], ["largest [m]", "n"]],
+      table([["scans in the file", "n"], ["loops", "n"], ["rejected after registration", "n"], ["median score", "n"], ["median distance to the match [m]", "n"], ["largest [m]", "n"]],
         [[String(lines.length), String(found.length), String(rejected.length), number(middle(found.map(line => line.score))), number(middle(distances), 2), number(distances.length ? distances.reduce((a, b) => Math.max(a, b)) : NaN, 2)]]),
-      placed.length ? el("div", { class: "card map" }, groundPlot(`map of loops, ${name}`, [...xs, ...onMap.map(line => place(line).x)], [...zs, ...onMap.map(line => place(line).y)], [
+      placed.length ? el("div", { class: "grid" }, el("div", { class: "card" }, groundPlot(`map of loops, ${name}`, [...xs, ...onMap.map(line => place(line).x)], [...zs, ...onMap.map(line => place(line).y)], [
         dots("recognized", found.filter(line => line.position).map(ground), kCorrect, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
-        joined("recognized", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kCorrect + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
+        joined("recognized", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kCorrect + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label)), el("div", { class: "card" }, ...raisedPlot(`raised map of loops, ${name}`, xs, zs, [["recognized", kCorrect, links]])))
         : el("p", { class: "soft" }, "The scans have no poses: there is no map."),
       found.length ? el("div", { class: "grid" }, el("div", { class: "card" }, matrix), el("div", { class: "card" }, scores)) : el("p", {}, "No loop was detected."));
   }
@@ -453,7 +472,7 @@
       bar("at best, by the peak", kColors[0], layer => multiplies(layer) ? layer.best_ms : 0), bar("at best, by the bandwidth", kColors[4], layer => multiplies(layer) ? 0 : layer.best_ms || 0),
       bar("beyond the limits", kPath, gain)] }, options: { indexAxis: "y", parsing: true, normalized: false,
       scales: { x: axis("median [ms]", { min: 0, stacked: true }), y: { type: "category", stacked: true, ticks: { autoSkip: false, font: { size: 11 } } } },
-      plugins: { tooltip: { callbacks: { title: () => "", label: item => label(layers[item.dataIndex]) } } } } }, Math.max(.4, Math.min(4, 1200 / (60 + 20 * layers.length))));
+      plugins: { tooltip: { callbacks: { title: () => "", label: item => label(layers[item.dataIndex]) } } } } }, Math.max(.2, Math.min(4, Math.min(1200, innerWidth) / (60 + 20 * layers.length))));
     // Both axes are logarithmic, because a bandwidth is then a straight line.
     function roofline() {
       const multiplying = layers.filter(layer => layer.multiplications), point = layer => ({ x: 2 * layer.multiplications / bytes(layer), y: 2 * layer.multiplications / layer.ms.median / 1e6, layer });
@@ -464,7 +483,21 @@
       const nearest = bandwidths.reduce((most, bandwidth) => Math.max(most, bandwidth.read, bandwidth.copied), 0);
       const roofs = [level("float32", limits.float32_gflops), ...(profile.precision === "bf16" && limits.bf16_gflops ? [level("bfloat16", limits.bf16_gflops, [6, 3])] : []),
         slope("memory", memory.read, kColors[4]), slope("nearest cache", nearest, kColors[2])];
-      return multiplying.length ? plot(`roofline, ${name}`, { type: "scatter", data: { datasets: [{ ...dots("layers", multiplying.map(point), kColors[1], 4), pointHitRadius: 8 }, ...roofs] }, options: {
+      // Names of points, the slowest first, where they do not overlap.
+      const names = { id: "names", afterDatasetsDraw: chart => {
+        const drawn = [], context = chart.ctx, points = chart.getDatasetMeta(0).data, order = multiplying.map((layer, i) => i).sort((a, b) => multiplying[b].ms.median - multiplying[a].ms.median);
+        context.save();
+        context.font = "11px sans-serif";
+        context.fillStyle = css("--text");
+        for (const i of chart.isDatasetVisible(0) ? order : []) {
+          const text = multiplying[i].name, { x, y } = points[i], width = context.measureText(text).width, left = x + 6 + width > chart.chartArea.right ? x - 6 - width : x + 6;
+          if (drawn.some(box => left < box.right && box.left < left + width && Math.abs(y - box.y) < 12)) continue;
+          drawn.push({ left, right: left + width, y });
+          context.fillText(text, left, y + 4);
+        }
+        context.restore();
+      } };
+      return multiplying.length ? plot(`roofline, ${name}`, { type: "scatter", data: { datasets: [{ ...dots("layers", multiplying.map(point), kColors[1], 4), pointHitRadius: 8 }, ...roofs] }, plugins: [names], options: {
         scales: { x: axis("operations for each byte moved", { type: "logarithmic", min: low, max: high }), y: axis("GFLOP/s multiplied", { type: "logarithmic" }) },
         plugins: { tooltip: { filter: item => item.raw.layer, callbacks: { label: item => label(item.raw.layer) } } } } }, 1.35) : el("p", { class: "soft" }, "No layer multiplies.");
     }
@@ -486,13 +519,15 @@
   }
 
   const experiments = list(page.experiments), runs = list(page.runs), loops = list(page.loops), perturbed = perturbedRuns(), profiles = list(page.profiles);
+  // A single curve is with its run.
+  const overviewed = runs.length > perturbed.flat().length ? runs.length > 1 || list(runs[0].tasks).length > 1 : !(loops.length || perturbed.length || profiles.length);
   document.title = page.title || "revisit";
   root.append(
     el("header", {}, el("h1", {}, page.title || ""), el("p", { class: "soft" }, `revisit ${page.version}, ${page.made}`)),
     list(page.warnings).length ? el("div", {}, page.warnings.map(warning => el("p", { class: "note" }, warning))) : "",
     el("nav", {}, experiments.map(experiment => el("a", { href: "#" + experiment.name }, experiment.title)),
       perturbed.length ? el("a", { href: "#perturbed1" }, "Perturbed scans") : null, runs.length ? el("a", { href: "#runs" }, "Runs") : null),
-    ...profiles.map(profileSection), ...loops.map(loopSection), experiments.length || runs.length > perturbed.flat().length || !(loops.length || perturbed.length || profiles.length) ? overview() : "", summarySection(), ...perturbed.map(perturbedSection), ...experiments.map(experimentSection));
+    ...profiles.map(profileSection), ...loops.map(loopSection), experiments.length || overviewed ? overview() : "", summarySection(), ...perturbed.map(perturbedSection), ...experiments.map(experimentSection));
   if (runs.length) root.append(el("section", { id: "runs" }, el("h2", {}, `Runs (${runs.length})`), ...runs.map((run, i) => runSection(run, i, runs.length === 1))));
   root.append(commandBox(page.command));
 
