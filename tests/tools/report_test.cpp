@@ -384,7 +384,7 @@ TEST_F(ReportInABrowser, DrawsAProfile) {
   write_file(dir_ / "r.html", page.out);
   const std::string dom = drawn(path("r.html"));
   for (const char* shown :
-       {"Layers of &lt;/script&gt;", "<td>pool7</td>", ">beyond the limits<", ">layers \\(1\\)<",
+       {"Layers of &lt;/script&gt;", ">pool7</td>", ">beyond the limits<", ">layers \\(1\\)<",
         ">memory, [0-9.]+ GB/s<", "data-drawn=\"3\"", "(within noise|faster|slower): "})
     EXPECT_TRUE(std::regex_search(dom, std::regex(shown))) << shown;
 }

@@ -119,13 +119,9 @@ void LoopsOptions::declare_output(Options& options) {
               "trajectory of the sensor from registered loops, in the frame of the map's poses",
               &tum)
       .common()
-      .flag("view",
-            "HTML page of all scans and loops that grows with them, in a browser: loops.html, or "
-            "as --output",
-            &view)
+      .flag("view", "a page that grows, in a browser: loops.html, or as --output", &view)
       .common()
-      .flag("rerun", "scans, path and loops live in Rerun, by the Python package", &rerun)
-      .common();
+      .flag("rerun", "scans, path and loops live in Rerun, by the Python package", &rerun);
 }
 
 void LoopsOptions::finish() {
