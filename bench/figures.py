@@ -33,11 +33,6 @@ FIGURES = ROOT / 'docs/figures'
 RING, CONTEXT, TRAINED, PAPER, CLOSURES, GRAY, INK, GRID = '#3b82f6', '#ea580c', '#b8860b', '#16a34a', '#a855f7', '#8b949e', '#77808c', '#88888840'
 METHODS = {'rings': RING, 'Scan Context, all candidates': CONTEXT, 'Scan Context, learnt as rings': TRAINED,
            "the paper's feature, best variant": PAPER, 'MapClosures, local maps of 20 m': CLOSURES}
-PERTURBATIONS = {'none': 'not perturbed', 'turn': 'turned', 'keep=0.5': 'half of the points', 'keep=0.2': 'a fifth of the points', 'roll=5': 'roll 5°',
-                 'pitch=5': 'pitch 5°', 'height=1': '1 m higher', 'sector=60': '60° hidden', 'sector=120': '120° hidden', 'sector=180': '180° hidden',
-                 'sector=60+sector=60': 'twice 60° hidden', 'beams=2': 'every 2nd beam', 'beams=4': 'every 4th beam', 'noise=0.2': 'noise 0.2 m',
-                 'range=30': 'within 30 m', 'range=15': 'within 15 m', 'rain=0.3': 'rain', 'truck': 'truck nearby',
-                 'range=40+pitch=3+sector=50+sector=50': '40 m, 3°, 2 x 50° hidden'}
 CHARTS, PICTURES = {}, {}
 
 plt.rcParams.update({'font.size': 9, 'font.family': 'DejaVu Sans', 'axes.spines.top': False, 'axes.spines.right': False, 'axes.titlesize': 10,
@@ -59,13 +54,11 @@ def rows_of(file):
 
 
 def save(figure, name, suffix='svg', **options):
-    FIGURES.mkdir(exist_ok=True)
     file = FIGURES / f'{name}.{suffix}'
     figure.savefig(file, metadata={'Date': None} if suffix == 'svg' else None, **options)
     plt.close(figure)
-    size = file.stat().st_size
-    print(f'{file.relative_to(ROOT)}: {size / 1000:.0f} kB')
-    if size > 200_000:
+    print(f'{file.relative_to(ROOT)}: {file.stat().st_size / 1000:.0f} kB')
+    if file.stat().st_size > 200_000:
         raise SystemExit(f'figures: {file} is larger than 200 kB')
 
 
@@ -90,8 +83,7 @@ def bars(axes, labels, series, form, unit):
 @chart
 def results_real():
     """How well are places recognized on real drives?"""
-    rows, drives = tables.rows_of('real_drives.json'), tables.DRIVES
-    figure, axes = plt.subplots(figsize=(7.2, 4.2))
+    (figure, axes), rows, drives = plt.subplots(figsize=(7.2, 4.2)), tables.rows_of('real_drives.json'), tables.DRIVES
     for k, (method, color) in enumerate(METHODS.items()):
         label = 'ring descriptor (revisit)' if method == 'rings' else tables.shown(method)
         for i, drive in enumerate(drives):
@@ -122,7 +114,7 @@ def results_perturbed():
         axes.scatter(pairs[1], range(len(steps)), color=CONTEXT, s=26, marker='s', zorder=3, label='Scan Context')
         axes.set(xlim=(-0.02, 1.02), xlabel='recall@1', title=tables.DRIVES[drive])
         axes.grid(axis='x')
-    rows_on(all_axes[0], [PERTURBATIONS.get(step, step) for step in steps])
+    rows_on(all_axes[0], [step.replace('+pitch=3+sector=50+sector=50', '+pitch=3\n+sector=50 twice') for step in steps])
     figure.legend(*axes.get_legend_handles_labels(), loc='outside lower center', ncols=2)
     save(figure, 'results_perturbed')
 
@@ -246,12 +238,6 @@ def posed(folder):
     return folder / 'bin', '--poses', folder / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'meters=50'
 
 
-def scale_bar(axes, length):
-    right, bottom = axes.get_xlim()[1], axes.get_ylim()[0]
-    axes.plot([right - 1.1 * length, right - 0.1 * length], [bottom + length / 5] * 2, color=INK, linewidth=2)
-    axes.text(right - 0.6 * length, bottom + length / 4, f'{length} m', ha='center', va='bottom', fontsize=8)
-
-
 @picture
 def loops(o):
     """The accepted loops of a real drive, whole, and where it comes back."""
@@ -277,7 +263,9 @@ def loops(o):
             axes.scatter(*points.T, s=area * size, color=color, marker=marker, zorder=3, label=f'{what}: {len(points)}')
         axes.set(title=title, xticks=[], yticks=[], aspect='equal', **({'xlim': (middle - 70, middle + 70), 'ylim': (low, high)} if size > 1 else {}))
         axes.spines[:].set(visible=True, color=GRID)
-        scale_bar(axes, bar)
+        right, bottom = axes.get_xlim()[1], axes.get_ylim()[0]
+        axes.plot([right - 1.1 * bar, right - 0.1 * bar], [bottom + bar / 5] * 2, color=INK, linewidth=2)
+        axes.text(right - 0.6 * bar, bottom + bar / 4, f'{bar} m', ha='center', va='bottom', fontsize=8)
     panels[0].legend(fontsize=7, loc='lower left')
     save(figure, 'loops')
 
