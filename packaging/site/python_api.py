@@ -1,4 +1,5 @@
 """Writes the pages of Python's API with pdoc: python_api.py FOLDER. The documented package is the one that this interpreter imports.
+The pages of both APIs, beside FOLDER, get the script scheme.js.
 
 pdoc cannot read the signatures of an extension, so it gets a copy of the package in which the stubs stand for the extension.
 """
@@ -92,6 +93,9 @@ def main(output):
         copied(Path(folder))
         sys.path.insert(0, folder)
         pdoc.pdoc(*MODULES, output_directory=output)
+    script = Path(__file__).with_name('scheme.js').read_text()
+    for page in output.parent.rglob('*.html'):
+        page.write_text(page.read_text().replace('</head>', f'<script>\n{script}</script>\n</head>', 1))
 
 
 main(Path(sys.argv[1]))
