@@ -99,6 +99,7 @@ TEST_F(SensorOption, AutoFindsTheSensorAndSaysSo) {
   EXPECT_EQ(count(run_revisit(eval("--feature m2dp")).err, "sensor"), 0U) << "sees no image";
   const auto image = run_ok("doctor " + scan().string());
   EXPECT_HAS(image.out, "4000 x 112, vlp16");
+  EXPECT_HAS(image.out, "ring model        vlp16 (16 beams, ");
   EXPECT_HAS(image.out, "16 beams from +15.0 to -15.0 degrees");
 }
 

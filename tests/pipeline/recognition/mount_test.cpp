@@ -35,6 +35,12 @@ TEST(ChooseModel, TakesTheModelOfTheSensorOrTheNearest) {
         Case{"Pandar40P", {40, 15, -25}, "vlp16"},
         Case{"OS2-64", {64, 11.25, -11.25}, "ouster-os1-64"},
         Case{"PandarXT-32", {32, 15, -16}, "vlp16"},
+        Case{"Pandar64", {64, 15, -25}, "ouster-os1-64"},
+        Case{"OS2-128", {128, 11.25, -11.25}, "ouster-os1-64"},
+        Case{"OS0-32", {32, 45, -45}, "ouster-os1-64"},
+        Case{"OS0-128", {128, 45, -45}, "ouster-os1-64"},
+        Case{"OS1-128", {128, 22.5, -22.5}, "ouster-os1-64"},
+        Case{"OS1-64, generation 1", {64, 16.6, -16.6}, "ouster-os1-64"},
         Case{"Mid-360", {200, 52, -7}, "livox-mid360"}}) {
     const bool has_beams = lidar.beams <= 128;
     if (has_beams) {

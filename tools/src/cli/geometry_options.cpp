@@ -5,6 +5,7 @@
 
 #include "cli/terminal.h"
 #include "revisit/base/text.h"
+#include "revisit/recognition/ring/model.h"
 
 namespace revisit::cli {
 namespace {
@@ -24,13 +25,15 @@ double to_hundredths(double degrees) {
 }
 
 void print_sensors() {
-  Table table({"sensor", "", "beams", "from [deg]", "to [deg]", "image from", "to", "row [deg]",
-               "closing [deg]"});
+  const std::vector<std::string> models = shipped_ring_models();
+  Table table({"sensor", "", "ring model", "beams", "from [deg]", "to [deg]", "image from", "to",
+               "row [deg]", "closing [deg]"});
   for (const Sensor& sensor : sensors()) {
     const ImageGeometry& g = sensor.image;
-    table.row({sensor.name, sensor.model, sensor.beams ? str(sensor.beams) : "none",
-               degrees(sensor.top), degrees(sensor.bottom), degrees(g.elevation_top),
-               degrees(g.elevation_bottom),
+    table.row({sensor.name, sensor.model,
+               std::ranges::count(models, sensor.name) > 0 ? sensor.name : "nearest",
+               sensor.beams ? str(sensor.beams) : "none", degrees(sensor.top),
+               degrees(sensor.bottom), degrees(g.elevation_top), degrees(g.elevation_bottom),
                degrees((g.elevation_top - g.elevation_bottom) / g.height),
                degrees(g.closing_width) + " x " + degrees(g.closing_height)});
   }

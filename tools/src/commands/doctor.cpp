@@ -16,6 +16,7 @@
 #include "revisit/engine/machine.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/ring/descriptor.h"
+#include "revisit/recognition/ring/model.h"
 
 namespace revisit::cli {
 namespace {
@@ -206,7 +207,13 @@ void print_scan(DoctorOptions& o) try {
   print_finding("image", str(geometry.width, " x ", geometry.height, ", ", o.geometry.sensor));
   if (!sensor.empty()) print_finding("sensor", sensor);
   print_finding("points", str(cloud.points.size()));
-  print_finding("usable points", str(std::ranges::count_if(cloud.points, is_return)));
+  PointCloud usable;
+  std::ranges::copy_if(cloud.points, std::back_inserter(usable.points), is_return);
+  print_finding("usable points", str(usable.points.size()));
+  if (!usable.points.empty()) {
+    const auto [model, reason] = choose_ring_model({usable});
+    print_finding("ring model", str(model, " (", reason, ")"));
+  }
   RangeImage projected;
   project_rotated(cloud, align_scan(cloud, o.align), geometry, projected);
   const double outside = projected.outside_share();
