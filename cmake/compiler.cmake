@@ -131,14 +131,20 @@ endfunction()
 
 # revisit_schema(TARGET FILES): protobuf's code for them, compiled apart from ours, as it does not meet our warnings. Without
 # optimization: values are read by protobuf's library, so that a network loads as fast.
-function(revisit_schema target file)
-  add_library(${target} OBJECT ${file})
+function(revisit_schema target files)
+  set(sources "")
+  foreach(file IN LISTS files)  # not by protobuf_generate(), which cannot give protoc 3.12 of Ubuntu 22.04 its option
+    string(REGEX REPLACE "proto$" "pb" generated ${CMAKE_CURRENT_BINARY_DIR}/${file})
+    add_custom_command(OUTPUT ${generated}.cc ${generated}.h DEPENDS ${file} protobuf::protoc VERBATIM
+                       COMMAND protobuf::protoc --experimental_allow_proto3_optional --cpp_out=${CMAKE_CURRENT_BINARY_DIR}
+                               -I ${CMAKE_CURRENT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR}/${file})
+    list(APPEND sources ${generated}.cc ${generated}.h)
+  endforeach()
+  add_library(${target} OBJECT ${sources})
   set_target_properties(${target} PROPERTIES UNITY_BUILD OFF)  # each file has the same static names
   target_link_libraries(${target} PUBLIC protobuf::libprotobuf)
   target_include_directories(${target} SYSTEM PUBLIC ${CMAKE_CURRENT_BINARY_DIR})
   target_compile_options(${target} PRIVATE -O0 -w ${REVISIT_NO_SANITIZER})
-  protobuf_generate(TARGET ${target} LANGUAGE cpp
-                    IMPORT_DIRS ${CMAKE_CURRENT_SOURCE_DIR} PROTOC_OUT_DIR ${CMAKE_CURRENT_BINARY_DIR})
 endfunction()
 
 # revisit_library(NAME DEPENDS...): a static library from src/**.cpp with public headers in include/, installed as
