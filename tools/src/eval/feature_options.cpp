@@ -203,9 +203,9 @@ void FeatureOptions::declare_threads(Options& options) {
 void FeatureOptions::declare_local_map(Options& options) {
   options.option(
       "local-map", "METERS",
-      "accumulates the scans of the last METERS of path (1 to 200, e.g. 10), for sensors with a "
-      "limited field of view or few points; by poses, else by registration; with the model of "
-      "hdl64 unless --sensor is given (default: off)",
+      "path length of local maps, 1 to 200 (e.g. 10), for sensors with a limited field of view or "
+      "few points; accumulated by poses, else by registration; with the model of hdl64 unless "
+      "--sensor is given (default: none, single scans)",
       &local_map);
 }
 

@@ -153,8 +153,8 @@ void MapArguments::declare(Options& options) {
       .common()
       .option("warmup", "N",
               "distinct map entries that the map mean is estimated from (default 128)", &warmup)
-      .flag("no-clouds", "no points in the map, 20 kB per entry; loops are then not registered",
-            &no_clouds)
+      .flag("no-clouds",
+            "no points in the map, 3 to 24 kB per entry; loops are then not registered", &no_clouds)
       .choice<DescriptorType>(
           "dtype", {{"float32", DescriptorType::kFloat32}, {"float16", DescriptorType::kFloat16}},
           "data type of descriptors in a new map (default float32)", &dtype)
