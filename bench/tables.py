@@ -120,6 +120,7 @@ def brief_table(first, groups):
         ours = [row for row in rows if row['name'] == 'rings']
         accepted = f'{sum(row["accepted_correct"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
         if len(ours) == 1:
+            rows = [row for row in rows if row['with_place'] == ours[0]['with_place']]  # of the same protocol
             found = ([row for row in rows if row['name'] in names] for names in BRIEF.values())
             values = [cell_of(ours[0], 'blocks'), *(with_interval(max(of, key=lambda row: row['ap'])) if of else '-' for of in found)]
         else:
