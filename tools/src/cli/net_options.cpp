@@ -63,12 +63,14 @@ void set_input_shapes(const std::filesystem::path& path, const std::vector<std::
     while (param.shape_size() < tops.size()) param.add_shape();
     for (int i = 0; i < tops.size(); ++i) {
       const auto given = shapes.find(tops[i]);
-      if (given != shapes.end())
-        param.mutable_shape(i)->mutable_dim()->Assign(given->second.axes().begin(),
-                                                      given->second.axes().end());
-      else if (!complete)
+      if (given != shapes.end()) {
+        auto& axes = *param.mutable_shape(i)->mutable_dim();
+        axes.Clear();
+        axes.Add(given->second.axes().begin(), given->second.axes().end());
+      } else if (!complete) {
         throw UsageError("--input-shape: the input '", tops[i],
                          "' has no shape either: give it, too: ", tops[i], "=NxCxHxW");
+      }
     }
   }
 }
