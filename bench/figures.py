@@ -292,8 +292,8 @@ def curves(o):
             flags = np.array(task['flags'])
             rows = np.stack([task['score'], (flags & 2) > 0, (flags & 4) > 0], 1)[(flags & 8) == 0]
             blocks = np.array_split(rows, max(1, len(rows) // 50))
-            drawn = [curve(np.concatenate([blocks[k] for k in random.integers(len(blocks), size=len(blocks))])) for _ in range(500)]
-            low, high = np.nanpercentile([np.interp(grid, *each, right=0) for each in drawn], (2.5, 97.5), axis=0)
+            drawn = [np.concatenate([blocks[k] for k in random.integers(len(blocks), size=len(blocks))]) for _ in range(500)]
+            low, high = np.percentile([np.interp(grid, *curve(each), right=0) for each in drawn if each[:, 2].any()], (2.5, 97.5), axis=0)
             axes.fill_between(grid, low, high, color=color, alpha=0.2, linewidth=0)
             axes.plot(*curve(rows), color=color, label=label)
         axes.set(xlim=(0, 1.01), ylim=(0, 1.03), xlabel='recall', title=title)

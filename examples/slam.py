@@ -21,12 +21,15 @@ try:
     from evo.core import geometry, metrics, trajectory
     from evo.tools.file_interface import write_tum_trajectory_file
     from kiss_icp.kiss_icp import KISSConfig, KissICP
+    from matplotlib import rcParams
     from matplotlib.figure import Figure
     from revisit import LoopDetector, datasets, errors, open_map, poses, program, recordings
     from revisit.loops import recognize
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
+GRAY = '#77808c'  # readable on white and on black
+rcParams.update(dict.fromkeys(('text.color', 'axes.edgecolor', 'axes.labelcolor', 'xtick.color', 'ytick.color'), GRAY) | {'legend.frameon': False})
 TO_GTSAM = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])  # GTSAM orders rotation before translation
 DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # standard deviation of odometry per meter: rotation [rad], translation 0.017 [m]
 
@@ -109,13 +112,13 @@ def fitted(path, truth, flat):
 def draw(file, paths, loops, title):
     figure = Figure(figsize=(8, 8), layout='constrained')
     axes = figure.subplots()
-    for (label, path), style, width in zip(paths.items(), ['tab:blue', 'tab:orange', 'k:'], [5, 2.5, 1]):
-        axes.plot(*path.T, style, label=label, linewidth=width)
+    for (label, path), color, style, width in zip(paths.items(), ['tab:blue', 'tab:orange', GRAY], ['-', '-', ':'], [5, 2.5, 1]):
+        axes.plot(*path.T, style, color=color, label=label, linewidth=width)
     for ends, label in zip(loops, ['loops'] + [None] * len(loops)):
         axes.plot(*paths['corrected'][ends].T, 'o-', color='tab:green', markersize=3, linewidth=1, label=label)
     axes.set(aspect='equal', adjustable='datalim', title=title, xlabel='x [m]', ylabel='y [m]')
     figure.legend(loc='outside lower center', ncols=5)
-    figure.savefig(file)
+    figure.savefig(file, transparent=True)
 
 
 def main():
@@ -173,7 +176,7 @@ def main():
     print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops, {fit} with a residual below 1 m; '
           f'{time.perf_counter() - start:.1f} s in total, {odometry.seconds:.1f} s for odometry\nabsolute trajectory error: {accuracy}')
     draw(o.output / 'trajectory.png', paths, [[chosen[a], chosen[b]] for a, b, _ in loops],
-         f'{o.data}, top-down: {len(loops)} loops, {fit} with a residual below 1 m\nabsolute trajectory error: {accuracy}')
+         f'{"/".join(Path(o.data).parts[-2:])}, top-down: {len(loops)} loops, {fit} with a residual below 1 m\nabsolute trajectory error: {accuracy}')
     if ended:
         raise type(ended)(f'{str(ended) or "interrupted"}; {o.output} has the trajectory so far')
     if excluded + len(loops) - fit > max(fit, 5):

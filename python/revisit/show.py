@@ -35,12 +35,16 @@ def view(lines, scans, file):
     rr.init('revisit', spawn=file is None)
     if file is not None:
         rr.save(file)
+    views = rr.blueprint
+    rr.send_blueprint(views.Blueprint(
+        views.Horizontal(views.Spatial3DView(origin='map', name='path and loops'),
+                         views.Vertical(views.Spatial3DView(origin='scan'), views.TimeSeriesView(origin='score'))),
+        views.TimePanel(timeline='frame', play_state='following', state='collapsed'), collapse_panels=True))
     rr.log('scan', rr.ViewCoordinates.FLU, static=True)
     rr.log('map', rr.ViewCoordinates.FLU, static=True)
     green = [0, 158, 115]
     path = grower(rr.log, 'map/path', lambda positions: rr.Points3D(positions, colors=[160, 160, 160]))
     loops = grower(rr.log, 'map/loops', lambda pairs: rr.LineStrips3D(pairs, colors=green))
-    frames = grower(rr.log, 'frames', lambda pairs: rr.Points2D(pairs, colors=green))
     for line in lines:
         rr.set_time('frame', sequence=line['frame'])
         scan = next((scan for scan in scans if scan.frame == line['frame']), None)
@@ -54,10 +58,8 @@ def view(lines, scans, file):
         here, match = ([line[name][axis] for axis in 'xyz'] if name in line else None for name in ('position', 'match_position'))
         if here:
             path(here)
-        if line.get('accepted'):
-            frames([line['frame'], line['match_frame']])
-            if here and match:
-                loops([here, match])
+        if line.get('accepted') and here and match:
+            loops([here, match])
 
 
 def lines_of(file):

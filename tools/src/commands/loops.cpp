@@ -334,17 +334,19 @@ class LoopRun {
     LoopOutputs outputs(o_, detector_.threshold(), drive_);
     LoopSummary summary(o_.exclusion, detector_.threshold());
     std::vector<double> milliseconds;
-    cli::Progress progress("recognizing", "scans", o_.shows_progress());
-    recognize(source_.next, detector_, !o_.no_deskew, [&](const Visit& visit) {
-      summary.add(visit.found);
-      progress.update(summary.scans(), std::max(summary.scans(), source_.count));
-      if (!visit.found.error.empty()) {
-        warn_skipped(visit.found.error);
-        return;
-      }
-      milliseconds.push_back(visit.milliseconds);
-      outputs.add(visit, detector_.drive());
-    });
+    {
+      cli::Progress progress("recognizing", "scans", o_.shows_progress());
+      recognize(source_.next, detector_, !o_.no_deskew, [&](const Visit& visit) {
+        summary.add(visit.found);
+        progress.update(summary.scans(), std::max(summary.scans(), source_.count));
+        if (!visit.found.error.empty()) {
+          warn_skipped(visit.found.error);
+          return;
+        }
+        milliseconds.push_back(visit.milliseconds);
+        outputs.add(visit, detector_.drive());
+      });
+    }  // ends the line of the progress
     outputs.finish();
     if (!o_.feature.quiet) {
       if (detector_.drive() != drive_)

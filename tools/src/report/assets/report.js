@@ -129,8 +129,7 @@
   }
   function comparisonTable(entry, items) {
     if (!items.some(item => item.run.method))
-      return table([["curve"], ...kMetrics.map(([, title]) => [title, "n"]), ["dimensions", "n"]],
-        metricRows(items, item => [item.run.label]).map((row, i) => [...row, String(items[i].run.descriptor_dimension ?? "")]));
+      return table([["curve"], ...kMetrics.map(([, title]) => [title, "n"])], metricRows(items, item => [item.run.label]));
     return table([["method"], ...kMetrics.map(([, title]) => [title, "n"]), ["dimensions", "n"], ["training data"], ["parameters"],
       ["frames/s here", "n"], ["frames/s in the paper", "n"]],
       metricRows(items, item => [item.run.label]).map((row, i) => {
@@ -505,7 +504,7 @@
       Number.isFinite(change.change ?? 0) && change.low !== undefined ? `${change.verdict}: ${share(change.change || 0)} [${share(change.low)}, ${share(change.high)}] %` : change.verdict || "");
     const against = profile.baseline;
     return el("section", { id: `profile${index + 1}` }, el("h2", {}, `Layers of ${name}`),
-      el("p", {}, `The whole takes ${number(profile.total_ms.median, 3)} ms (median of ${profile.passes} passes, ${number(profile.total_ms.low, 3)} to ${number(profile.total_ms.high, 3)} with ${number(100 * profile.total_ms.confidence, 0)} % confidence) on ${profile.threads} thread${profile.threads === 1 ? "" : "s"}, kernels: ${profile.simd}. ` +
+      el("p", {}, `The whole takes ${number(profile.total_ms.median, 3)} ms (median of ${profile.passes} passes, ${number(profile.total_ms.low, 3)} to ${number(profile.total_ms.high, 3)} with ${number(Math.min(99.9, 100 * profile.total_ms.confidence), 1)} % confidence) on ${profile.threads} thread${profile.threads === 1 ? "" : "s"}, kernels: ${profile.simd}. ` +
         (limits ? `Roofline bound of all layers: ${number(profile.best_ms || 0, 3)} ms, ${share((profile.best_ms || 0) / profile.layer_sum_ms.median)} % of their sum.`
           : `The machine was busy: ${profile.busy}. Its limits are unknown.`)),
       against ? el("p", {}, `Against ${against.file} (${number(against.whole.before_ms, 3)} ms): `, verdict(against.whole)) : null,
