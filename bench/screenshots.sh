@@ -19,14 +19,14 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 nclt=("$real/nclt/bin" --poses "$real/nclt/poses_kitti.txt" --pose-frame lidar --exclusion meters=50)
 
-small() {  # small FILE NAME [RESIZED_TO]: a PNG of 96 colors
+small() {  # small FILE NAME [RESIZED_TO]: a PNG of 200 colors
   "$python" - "$1" "$figures/$2.png" "${3:-0}" <<'END'
 import sys
 from PIL import Image
 image = Image.open(sys.argv[1]).convert('RGB')
 if width := int(sys.argv[3]):
     image = image.resize((width, image.height * width // image.width), Image.Resampling.LANCZOS)
-image.quantize(96).save(sys.argv[2], optimize=True)
+image.quantize(200, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
 END
 }
 shot() {  # shot PAGE NAME HEIGHT
