@@ -339,7 +339,7 @@ TEST_F(ReportCommand, LoopsAreShownWhileTheyAreFound) {
   ::setenv("PATH", (path("bin") + ":" + search).c_str(), 1);
   ::setenv("DISPLAY", ":0", 1);
   ::setenv("REVISIT_PYTHON", path("bin/python").c_str(), 1);
-  run_ok(loops + " --rerun --every 2");
+  run_ok(loops + " --rerun --every 2 --sequence 00");
   ::setenv("PATH", search.c_str(), 1);
   ::unsetenv("DISPLAY");
   ::unsetenv("REVISIT_PYTHON");
@@ -347,7 +347,7 @@ TEST_F(ReportCommand, LoopsAreShownWhileTheyAreFound) {
   EXPECT_EQ(count_of(read_file(page), "\"frame\":"), 120);
   EXPECT_EQ(read_file(page).find("reload_seconds\":"), std::string::npos);
   EXPECT_EQ(count_of(read_file(dir_ / "lines"), "\n"), 120);
-  EXPECT_HAS(read_file(dir_ / "words"), "-m revisit.show - " + path("drive") + " --every=2");
+  EXPECT_HAS(read_file(dir_ / "words"), "-m revisit.show - " + path("drive") + " --sequence=00");
   write_file(page, "my thesis");
   expect_exit(2, {"is no report"}, loops);
 }

@@ -63,7 +63,9 @@ RerunViewer::~RerunViewer() {
 
 void RerunViewer::add(const reports::LoopLine& line) {
   if (std::fputs((json_of(line) + "\n").c_str(), pipe_) < 0 || std::fflush(pipe_) != 0)
-    throw Error("--rerun: `python3 -m revisit.show` has ended");
+    throw Error(
+        "--rerun: `python3 -m revisit.show` has ended; it needs the Python package and rerun-sdk "
+        "(pip install '.[rerun]'), or set REVISIT_PYTHON to an interpreter with them");
 }
 
 }  // namespace revisit::cli

@@ -339,7 +339,7 @@ RecordedScans recorded_scans(std::istream& in, const std::string& source, std::s
 }
 
 Arguments reader_options(const FeatureOptions& options) {
-  Arguments words = {str("--every=", options.every)};
+  Arguments words;
   for (const auto& [option, value] :
        {std::pair("--sequence=", options.sequence), std::pair("--topics=", options.topics),
         std::pair("--extrinsics=", options.extrinsics.string()),
@@ -352,7 +352,8 @@ Arguments reader_options(const FeatureOptions& options) {
 RecordedScans read_recording(const FeatureOptions& options, bool headers) {
   const char* const python = std::getenv("REVISIT_PYTHON");
   Arguments words = {python != nullptr ? python : "python3", "-c",
-                     str(kProgram, "sys.exit(main(headers=", headers ? "True" : "False", "))")};
+                     str(kProgram, "sys.exit(main(headers=", headers ? "True" : "False", "))"),
+                     str("--every=", options.every)};
   std::ranges::move(reader_options(options), std::back_inserter(words));
   words.push_back("--");
   words.push_back(options.data.string());

@@ -31,7 +31,7 @@ RecordedScans recorded_scans(
     std::istream& in, const std::string& source, std::string first = "",
     const std::function<std::string()>& ending = [] { return std::string(); });
 
-/// Options of `revisit.recordings` and `revisit.show` that say how `data` is read.
+/// Options of `revisit.recordings` and `revisit.show` that say how scans are read.
 Arguments reader_options(const FeatureOptions& data);
 
 /// Starts `revisit.recordings` of the Python package, which $REVISIT_PYTHON or else python3 has.
