@@ -16,7 +16,7 @@ esac
 
 follow() {  # each line of standard input by one shell of the system, timed
   unshare -m -p -f bash -euc '
-    mount -t proc proc "$0/proc" && mount --bind /dev "$0/dev"
+    mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev"
     exec chroot "$0" env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 \
       TIMEFORMAT="   %0R s, %0U s of CPU" ${PIP_CERT:+PIP_CERT=/root/certificates} bash -euc "
         cd /root/revisit
