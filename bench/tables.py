@@ -28,7 +28,8 @@ NAMES = {'rings': 'ring descriptor', 'rings, not registered': 'ring descriptor, 
          'rings without training, not registered': 'ring descriptor, untrained, without registration',
          'Scan Context, all candidates': 'Scan Context', 'Scan Context, 10 by ring keys': 'Scan Context, 10 candidates by ring key',
          'Scan Context, learnt as rings': 'Scan Context, trained alike', 'M2DP, learnt as rings': 'M2DP, trained alike'}
-DRIVES = {'kitti00': 'KITTI 00, HDL-64E', 'nclt': 'NCLT, HDL-32E', 'riverside': 'MulRan Riverside, OS1-64', 'pcd_files': 'car with a VLP-16, pcd_files'}
+DRIVES = {'kitti00': 'KITTI 00, HDL-64E', 'nclt': 'NCLT, HDL-32E', 'riverside': 'MulRan Riverside, OS1-64', 'pcd_files': 'car with a VLP-16, pcd_files',
+          'mid360_walk': 'walk with a Mid-360'}
 SENSORS = {'vlp16': 'VLP-16', 'hdl64': 'HDL-64E', 'ouster-os1-64': 'OS1-64'}
 # Columns of the short form: title, and the rows of which the best counts.
 BRIEF = {'ring descriptor': ('rings',), 'Scan Context': ('Scan Context, all candidates',),

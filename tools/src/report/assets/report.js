@@ -152,9 +152,11 @@
     }
     if (!choices.length) return el("p", {}, "No run was finished.");
     const content = el("div", { class: "first" });
-    const show = choice => content.replaceChildren(
-      el("div", { class: "card" }, panelPlot(choice.entry, choice.panel, choice.items)),
-      el("div", { class: "card" }, comparisonTable(choice.entry, choice.items), choice.entry.simulated ? el("p", { class: "note" }, "Simulated data.") : null));
+    const show = choice => {
+      content.classList.toggle("wide", choice.items.some(item => item.run.method));  // more columns
+      content.replaceChildren(el("div", { class: "card" }, panelPlot(choice.entry, choice.panel, choice.items)),
+        el("div", { class: "card" }, comparisonTable(choice.entry, choice.items), choice.entry.simulated ? el("p", { class: "note" }, "Simulated data.") : null));
+    };
     let first = choices.findIndex(choice => choice.entry.name === "comparison");
     if (first < 0) first = 0;
     const select = el("select", { "aria-label": "what is compared", on: { change: () => show(choices[select.value]) } },
@@ -174,7 +176,7 @@
     }
     return el("section", { id: experiment.name }, el("h2", {}, experiment.title), el("p", {}, experiment.question),
       el("p", { class: "soft" }, "The paper: " + experiment.paper), list(experiment.notes).map(note => el("p", { class: "note" }, note)),
-      el("div", { class: "grid" }, [...panels].map(([panel, items]) => el("div", { class: "card" }, el("h3", {}, panel), panelPlot(experiment, panel, items)))),
+      panels.size < 2 && list(page.experiments).length < 2 ? null : el("div", { class: "grid" }, [...panels].map(([panel, items]) => el("div", { class: "card" }, el("h3", {}, panel), panelPlot(experiment, panel, items)))),
       list(experiment.claims).length ? table([["statement"], ["sequence"], ["AP", "n"], ["against", "n"], ["result"]],
         experiment.claims.map(claim => [claim.text, claim.panel, number(claim.better_average_precision), number(claim.worse_average_precision),
           claim.undecided ? el("span", { class: "soft", title: "each within the other's 95 % interval" }, "undecided")
