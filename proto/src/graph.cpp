@@ -27,8 +27,10 @@ class Builder {
 
   void add(const caffe::LayerParameter& layer) {
     Node node{layer.name(), layer.type(), layers_++, {}, {}};
+    // A layer that only prints or stores does not run, so the net still outputs what it reads.
+    const bool consumes = layer.top_size() > 0 || layer.type() == "Silence";
     for (const std::string& bottom : layer.bottom()) {
-      node.inputs.push_back(consume(bottom));
+      node.inputs.push_back(consume(bottom, consumes));
       if (node.inputs.back() < 0) node.dangling = bottom;
     }
     const bool shares = shares_memory(layer) && !node.inputs.empty() && node.inputs[0] >= 0;
@@ -63,11 +65,11 @@ class Builder {
     std::string layer;
   };
 
-  ValueId consume(const std::string& bottom) {
+  ValueId consume(const std::string& bottom, bool consumes) {
     const auto found = current_.find(bottom);
     if (found == current_.end()) return -1;
     found->second = up_to_date(found->second);
-    consumed_[found->second] = true;
+    if (consumes) consumed_[found->second] = true;
     return found->second;
   }
 

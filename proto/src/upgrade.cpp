@@ -119,14 +119,53 @@ void upgrade_holes(caffe::NetParameter& net) {
   }
 }
 
+/// Moves pads of single sides to those of both. Contradictory ones stay, and the engine rejects
+/// them.
+template <class Param>
+void upgrade_pads(Param& p, bool has_pad) {
+  if (!p.has_pad_l() && !p.has_pad_t() && (p.has_pad_h() || (!p.has_pad_r() && !p.has_pad_b())))
+    return;
+  const bool is_padded = p.pad_l() > 0 || p.pad_r() > 0 || p.pad_t() > 0 || p.pad_b() > 0;
+  if (is_padded && (has_pad || p.has_pad_h() || p.has_pad_w())) return;
+  if (is_padded) {
+    p.set_pad_h(p.pad_t());
+    p.set_pad_w(p.pad_l());
+  }
+  p.clear_pad_l();
+  p.clear_pad_t();
+  const bool is_even = p.pad_h() == p.pad_b() && p.pad_w() == p.pad_r();
+  if (is_padded && !is_even) {
+    p.set_pad_b(p.pad_b());
+    p.set_pad_r(p.pad_r());
+  } else {
+    p.clear_pad_b();
+    p.clear_pad_r();
+  }
+}
+
+/// Converts what Synopsys' fork (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) has for
+/// TensorFlow's nets.
+void upgrade_synopsys(caffe::NetParameter& net) {
+  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
+    if (layer.type() == "ReLU" && layer.relu_param().relu6()) {
+      layer.set_type("ReLU6");
+      layer.mutable_relu_param()->clear_relu6();
+    }
+    if (layer.has_convolution_param())
+      upgrade_pads(*layer.mutable_convolution_param(), layer.convolution_param().pad_size() > 0);
+    if (layer.has_pooling_param())
+      upgrade_pads(*layer.mutable_pooling_param(), layer.pooling_param().has_pad());
+  }
+}
+
 template <class Repeated>
 void set_axes(Repeated* field, uint32_t depth, uint32_t height_width) {
   field->Clear();
   for (const uint32_t value : {depth, height_width, height_width}) field->Add(value);
 }
 
-/// Converts C3D's layers of volumes [n][c][depth][h][w]. Its padded pooling has other output sizes
-/// than Caffe's, and stays.
+/// Converts layers of C3D and P3D for volumes [n][c][depth][h][w]. Its padded pooling has other
+/// output sizes than Caffe's, and stays.
 void upgrade_volumes(caffe::NetParameter& net) {
   for (caffe::LayerParameter& layer : *net.mutable_layer()) {
     if (layer.type() == "Convolution3D") {
@@ -146,10 +185,13 @@ void upgrade_volumes(caffe::NetParameter& net) {
         layer.mutable_pooling_param()->Swap(layer.mutable_pooling3d_param());
       caffe::PoolingParameter& p = *layer.mutable_pooling_param();
       layer.clear_pooling3d_param();
-      if (p.pad() > 0) continue;
-      set_axes(p.mutable_kernel_size_nd(), p.kernel_depth(), p.kernel_size());
-      set_axes(p.mutable_stride_nd(), p.temporal_stride(), p.stride());
+      if (p.pad() > 0 || p.pad_l() > 0) continue;
+      set_axes(p.mutable_kernel_size_nd(), p.has_kernel_l() ? p.kernel_l() : p.kernel_depth(),
+               p.kernel_size());
+      set_axes(p.mutable_stride_nd(), p.has_stride_l() ? p.stride_l() : p.temporal_stride(),
+               p.stride());
       p.clear_kernel_depth(), p.clear_temporal_stride();
+      p.clear_kernel_l(), p.clear_stride_l(), p.clear_pad_l();
       layer.set_type("Pooling");
     }
   }
@@ -283,6 +325,7 @@ void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, AmbiguousCrops cr
   upgrade_batch_norm(net);
   upgrade_holes(net);
   upgrade_volumes(net);
+  upgrade_synopsys(net);
   find_crop_offsets(net, crops, blame, warnings);
 }
 

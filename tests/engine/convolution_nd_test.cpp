@@ -225,6 +225,39 @@ TEST(Deconvolution, RejectsInvalidParameters) {
                   {Shape{1, 1, 9, 9}}, {"more than"});
 }
 
+TEST(Windows, PadsOfBothEndsMayDiffer) {
+  // Windows of three of four pixels, two apart.
+  const auto run = [](const std::string& type, const std::string& param,
+                      std::vector<std::vector<float>> weights) {
+    return run_layer({type, param, {{Shape{1, 1, 1, 4}, {-1, -2, -3, -4}}}, std::move(weights)})[0]
+        .values;
+  };
+  const std::string sizes = "kernel_h: 1 kernel_w: 3 stride_h: 1 stride_w: 2 pad_h: 0 pad_b: 0 ";
+  const auto convolved = [&](const std::string& pads) {
+    return run("Convolution",
+               "convolution_param { num_output: 1 bias_term: false " + sizes + pads + " }",
+               {{1, 10, 100}});
+  };
+  const auto pooled = [&](const std::string& pads) {
+    return run("Pooling", "pooling_param { " + sizes + pads + " }", {});
+  };
+  expect_near(convolved("pad_w: 0 pad_r: 1"), {-321, -43});
+  expect_near(convolved("pad_w: 1 pad_r: 0"), {-210, -432});
+  expect_near(pooled("pad_w: 0 pad_r: 1"), {-1, -3});
+  expect_near(pooled("pad_w: 1 pad_r: 0"), {-1, -2});
+  expect_near(pooled("pool: AVE pad_w: 0 pad_r: 1"), {-2, -7.F / 3});
+  expect_near(pooled("pool: AVE pad_w: 1 pad_r: 0"), {-1, -3});
+  expect_near(pooled("pool: AVE_EXC_PAD pad_w: 0 pad_r: 1"), {-2, -3.5F});
+  expect_near(pooled("pool: AVE_EXC_PAD pad_w: 1 pad_r: 0"), {-1.5F, -3});
+  for (const char* pads :
+       {"pad_l: 1 pad: 1", "pad: 1 pad_b: 1 pad_r: 2", "pad_h: 1 pad_w: 1 pad_b: 2"})
+    for (const auto& [type, param] :
+         {std::pair{"Convolution", "convolution_param { num_output: 1 kernel_size: 3 "},
+          {"Pooling", "pooling_param { kernel_size: 3 "}})
+      expect_rejected(type, std::string(param) + pads + " }", {Shape{1, 1, 9, 9}},
+                      {"pad_l, pad_r, pad_t and pad_b"});
+}
+
 TEST(Im2col, WritesTheWindowsOut) {
   const auto outputs = run_layer({"Im2col",
                                   "convolution_param { kernel_size: 2 pad: 1 stride: 2 }",

@@ -571,6 +571,18 @@ TEST_F(NetTest, MissingWeightsComeFromTheirFillers) {
                            {"layer 'l' (InnerProduct): filler: expected one of", "'odd'"});
 }
 
+TEST_F(NetTest, LayersThatWriteNoBlobDoNotTakeOutputsAway) {
+  const std::string input =
+      "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: [1, 2] } } } ";
+  const std::string relu = "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'r' } ";
+  const std::string print = "layer { name: 'debug' type: 'Python' bottom: 'r' } ";
+  write_file(prototxt(), input + relu + print);
+  EXPECT_EQ(Net::load_without_weights(prototxt()).outputs(), std::vector<std::string>{"r"});
+  write_file(prototxt(), "layer { name: 'debug' type: 'Python' python_param { layer: 'L' } }");
+  expect_error<InputError>([&] { Net::load_without_weights(prototxt()); },
+                           {"none of its layers writes a blob"});
+}
+
 TEST_F(NetTest, WarnsOfABatchNormWithoutCorrectionAndOfNetsThatEndInSilence) {
   write_file(prototxt(),
              "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: "

@@ -174,6 +174,15 @@ TEST(PsRoiPooling, ByHand) {
   l.inputs[1].values = {0, 0.5F, 0.5F, 4.4F, 4.4F};
   expect_near(run_layer(l)[0].values,
               {2.5F, 103.5F, 206.5F, 307.5F, 402.5F, 503.5F, 606.5F, 707.5F});
+  // PPR-FCN: bins beside the first object, pixels 1 to 2 of the last row, are 0.
+  const std::string sizes = "{ spatial_scale: 1 output_dim: 2 group_size: 2 }";
+  l.type = "PSROIContextPooling";
+  l.param = "psroi_context_pooling_param " + sizes;
+  l.inputs[1].values = {0, 0, 0, 3, 3};
+  l.inputs.push_back({Shape{2, 5}, {0, 1, 3, 2, 3, 0, 0, 0, 3, 3}});
+  expect_near(run_layer(l)[0].values, {0, 0, 210.5F, 312.5F, 0, 0, 610.5F, 712.5F});
+  expect_rejected(l.type, l.param, {Shape{1, 8, 4, 4}, Shape{1, 5}}, {"the objects"});
+  expect_rejected(l.type, l.param, {Shape{1, 8, 4, 4}, Shape{1, 5}, Shape{1, 4}}, {"5 numbers"});
 }
 
 TEST(PsRoiPooling, EmptyBinsAreZeroAndRegionsOfNoImageShow) {

@@ -269,6 +269,11 @@ TEST(Upgrade, VolumesAreConvolutionsAndPoolings) {
           "bottom: 'c' top: 'p' pooling3d_param { " +
           p_param + " } }",
       conv + pool);
+  expect_upgrade(
+      "layer { name: 'c' type: 'Pooling3D' bottom: 'data' top: 'c' pooling3d_param { "
+      "kernel_size: 2 stride: 2 pad: 0 pad_l: 0 kernel_l: 1 stride_l: 1 } }",
+      "layer { name: 'c' type: 'Pooling' bottom: 'data' top: 'c' pooling_param { kernel_size: 2 "
+      "stride: 2 pad: 0 kernel_size_nd: [1, 2, 2] stride_nd: [1, 2, 2] } }");
   for (const char* sizes :
        {"kernel_size: 1 kernel_size: 2 kernel_size: 2", "kernel_size: [1, 2, 2]"})
     expect_upgrade(
@@ -276,6 +281,29 @@ TEST(Upgrade, VolumesAreConvolutionsAndPoolings) {
             sizes + " stride: 2 } }",
         "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
         "kernel_size: 1 stride: 2 kernel_size_nd: [1, 2, 2] } }");
+}
+
+TEST(Upgrade, OfSynopsysFork) {
+  expect_upgrade(
+      "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'r' relu_param { relu6: true } }",
+      "layer { name: 'r' type: 'ReLU6' bottom: 'data' top: 'r' relu_param { } }");
+  struct {
+    const char *before, *after;
+  } cases[] = {
+      {"pad_l: 0 pad_r: 0 pad_t: 0 pad_b: 0", ""},
+      {"pad_l: 0 pad_r: 0 pad: 2", "pad: 2"},
+      {"pad_l: 2 pad_r: 2 pad_t: 1 pad_b: 1", "pad_h: 1 pad_w: 2"},
+      {"pad_r: 1 pad_b: 1", "pad_h: 0 pad_w: 0 pad_b: 1 pad_r: 1"},
+      {"pad_l: 1 pad_r: 2 pad_t: 1 pad_b: 1", "pad_h: 1 pad_w: 1 pad_b: 1 pad_r: 2"},
+      {"pad_h: 1 pad_w: 1 pad_b: 1 pad_r: 2", "pad_h: 1 pad_w: 1 pad_b: 1 pad_r: 2"},
+      {"pad_l: 1 pad: 2", "pad_l: 1 pad: 2"},
+  };
+  for (const auto& [before, after] : cases)
+    for (const std::string param : {"convolution_param", "pooling_param"}) {
+      const std::string head =
+          "layer { name: 'c' type: 'Pooling' bottom: 'data' top: 'c' " + param + " { ";
+      expect_upgrade(head + before + " } }", head + after + " } }");
+    }
 }
 
 TEST(UpgradeV1, EveryTypeHasItsName) {

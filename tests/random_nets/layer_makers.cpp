@@ -249,16 +249,28 @@ void softmax(Builder& b, const char* type) {
   b.add(type, {x}, str("softmax_param { axis: ", random_axis(b, b.shape(x)), " }"));
 }
 
+std::string pads_of_sides(Random& random, int64_t most) {
+  std::string text;
+  for (const char* side : {" pad_l: ", " pad_r: ", " pad_t: ", " pad_b: "})
+    text += side + std::to_string(random.between(0, most));
+  return text;
+}
+
 void pooling(Builder& b, const char* type) {
   const size_t x = b.of_rank(4, 5);
   const bool max = b.random.chance(0.7);
-  std::string text = max ? "pool: MAX " : "pool: AVE ";
+  std::string text = max                    ? "pool: MAX "
+                     : b.random.chance(0.7) ? "pool: AVE "
+                                            : "pool: AVE_EXC_PAD ";
   if (b.random.chance(0.2)) {
     text += "global_pooling: true";
   } else {
     const int64_t kernel = b.random.between(1, 4);
-    text += str("kernel_size: ", kernel, " stride: ", b.random.between(1, 3),
-                " pad: ", b.random.chance(0.6) ? 0 : b.random.between(0, kernel - 1));
+    text += str("kernel_size: ", kernel, " stride: ", b.random.between(1, 3));
+    if (b.shape(x).rank() == 4 && b.random.chance(0.2))
+      text += pads_of_sides(b.random, kernel - 1);
+    else
+      text += str(" pad: ", b.random.chance(0.6) ? 0 : b.random.between(0, kernel - 1));
     if (b.random.chance(0.3)) text += " round_mode: FLOOR";
   }
   b.add(type, {x}, "pooling_param { " + text + " }",
@@ -290,8 +302,12 @@ void roi_pooling(Builder& b, const char* type) {
 void psroi_pooling(Builder& b, const char* type) {
   const size_t x = b.of_rank(4, 4);
   const int64_t channels = b.shape(x)[1], group = channels % 4 == 0 ? 2 : 1;
-  b.add(type, {x, regions_of(b, x)},
-        str("psroi_pooling_param { spatial_scale: 0.5 output_dim: ", channels / (group * group),
+  const bool has_object = std::string(type) == "PSROIContextPooling";
+  std::vector<size_t> inputs{x, regions_of(b, x)};
+  if (has_object) inputs.push_back(regions_of(b, x));
+  b.add(type, inputs,
+        str(has_object ? "psroi_context_pooling_param" : "psroi_pooling_param",
+            " { spatial_scale: 0.5 output_dim: ", channels / (group * group),
             " group_size: ", group, " }"));
 }
 
@@ -820,7 +836,10 @@ std::string random_windows(Random& random, size_t axes) {
   if (axes == 0) return "";
   each("kernel_size", [&] { return random.of(kKernels); });
   if (strided) each("stride", [&] { return random.between(1, 4); });
-  if (padded) each("pad", [&] { return random.between(0, 3); });
+  if (padded && axes == 2 && random.chance(0.2))
+    text += pads_of_sides(random, 3);
+  else if (padded)
+    each("pad", [&] { return random.between(0, 3); });
   if (random.chance(0.15))
     each("dilation", [&] { return random.between(1, 3); });
   else if (random.chance(0.03))
@@ -882,6 +901,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"PriorBox", 1, prior_box},
       {"PriorBoxClustered", 1, prior_box_clustered},
       {"Proposal", 2, proposal},
+      {"PSROIContextPooling", 1, psroi_pooling},
       {"PSROIPooling", 1, psroi_pooling},
       {"Reduction", 2, reduction},
       {"ReLU", 14, relu},

@@ -12,7 +12,7 @@ import onnx_oracle  # noqa: E402
 PROGRAM = os.environ.get('REVISIT_RANDOM_NETS')
 NETS = 50
 REFUSED = (
-    '(SoftmaxWithLoss|EuclideanLoss|Accuracy|ContinuationIndicator|CTCGreedyDecoder|DecodeBBox|Proposal|PSROIPooling|ROIAlign|[a-z0-9A-Z]*Output): this type cannot be exported'
+    '(SoftmaxWithLoss|EuclideanLoss|Accuracy|ContinuationIndicator|CTCGreedyDecoder|DecodeBBox|Proposal|PSROIContextPooling|PSROIPooling|ROIAlign|[a-z0-9A-Z]*Output): this type cannot be exported'
     '|(Convolution|Im2col): expected a kernel of at most|export with --fixed|Dropout: random numbers at inference|pad_ratio is not supported|pooling of volumes')
 
 

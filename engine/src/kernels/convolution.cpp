@@ -114,9 +114,8 @@ void run_im2col(const ConvolutionNdProblem& p, const float* input, const float* 
 
 /// With a 1x1 kernel and stride 1, the columns are the image itself.
 bool is_pointwise(const ConvolutionNdProblem& p) {
-  return std::all_of(p.axes.begin(), p.axes.end(), [](const WindowAxis& axis) {
-    return is_each_pixel(axis.kernel, axis.stride, axis.pad);
-  });
+  return std::all_of(p.axes.begin(), p.axes.end(),
+                     [](const WindowAxis& axis) { return is_each_pixel(axis); });
 }
 
 void run_pointwise(const ConvolutionNdProblem& p, const float* input, const float* weights,

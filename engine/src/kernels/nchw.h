@@ -127,14 +127,22 @@ constexpr float empty_maximum(Precision values) {
 struct PoolingProblem {
   int64_t planes = 1, h = 1, w = 1, out_h = 1, out_w = 1;
   int64_t kernel_h = 1, kernel_w = 1, stride_h = 1, stride_w = 1, pad_h = 0, pad_w = 0;
+  int64_t end_surplus_h = 0, end_surplus_w = 0;  // trailing pad - pad
+  bool counts_padding = true;                    // as zeros of an average
   int threads = 1;
   Precision values = Precision::kFloat32;  // NCHWc arrays; determines empty_maximum()
 
   WindowRange rows(int64_t y) const { return {y * stride_h - pad_h, kernel_h, h}; }
   WindowRange columns(int64_t x) const { return {x * stride_w - pad_w, kernel_w, w}; }
-  /// Size of the averaged area of a window at `start`, clipped to the padded image.
-  int64_t height(int64_t start) const { return std::min(start + kernel_h, h + pad_h) - start; }
-  int64_t width(int64_t start) const { return std::min(start + kernel_w, w + pad_w) - start; }
+  /// Size of the averaged area of a window, clipped to the image, padded if padding counts.
+  int64_t height(const WindowRange& rows) const {
+    if (!counts_padding) return rows.pixels();
+    return std::min(rows.start + kernel_h, h + pad_h + end_surplus_h) - rows.start;
+  }
+  int64_t width(const WindowRange& columns) const {
+    if (!counts_padding) return columns.pixels();
+    return std::min(columns.start + kernel_w, w + pad_w + end_surplus_w) - columns.start;
+  }
 };
 
 /// Maximum of each window, clipped to the image; empty_maximum() if it is empty. NaN is ignored.
@@ -142,7 +150,7 @@ struct PoolingProblem {
 /// (docs/LAYERS.md point 2).
 void max_pool(const PoolingProblem& problem, const float* input, float* output, float* mask);
 
-/// Mean of each window: padding counts as zeros, the area beyond it does not count.
+/// Mean of each window: padding counts as zeros if counts_padding, the area beyond it does not.
 void average_pool(const PoolingProblem& problem, const float* input, float* output);
 
 /// Pooling of `planes` independent volumes `[depth][h][w]`, with the same rules.
@@ -150,6 +158,7 @@ struct VolumePooling {
   int64_t planes = 1;
   WindowAxes axes;
   int threads = 1;
+  bool counts_padding = true;
 };
 void max_pool_volumes(const VolumePooling& problem, const float* input, float* output, float* mask);
 void average_pool_volumes(const VolumePooling& problem, const float* input, float* output);

@@ -45,7 +45,8 @@ void max_pool_volumes(const VolumePooling& p, const float* input, float* output,
 
 void average_pool_volumes(const VolumePooling& p, const float* input, float* output) {
   const int64_t rows = p.axes[1].image, columns = p.axes[2].image;
-  const auto size = [](const WindowAxis& axis, const WindowRange& range) {
+  const auto size = [&](const WindowAxis& axis, const WindowRange& range) {
+    if (!p.counts_padding) return range.pixels();
     return std::min(range.start + axis.kernel, axis.image + axis.pad) - range.start;
   };
   for_each_window(p, input, [&](int64_t out, const float* volume, const VolumeWindow& window) {
@@ -85,13 +86,13 @@ void average_pool(const PoolingProblem& p, const float* input, float* output) {
     const int64_t plane = item / p.out_h, y = item % p.out_h;
     const float* image = input + plane * p.h * p.w;
     const WindowRange rows = p.rows(y);
-    const int64_t height = p.height(rows.start);
+    const int64_t height = p.height(rows);
     for (int64_t x = 0; x < p.out_w; ++x) {
       const WindowRange columns = p.columns(x);
       float sum = 0;
       for (int64_t iy = rows.begin; iy < rows.end; ++iy)
         for (int64_t ix = columns.begin; ix < columns.end; ++ix) sum += image[iy * p.w + ix];
-      output[item * p.out_w + x] = sum / static_cast<float>(height * p.width(columns.start));
+      output[item * p.out_w + x] = sum / static_cast<float>(height * p.width(columns));
     }
   });
 }

@@ -12,6 +12,9 @@ namespace revisit::engine {
 struct WindowAxis {
   int64_t image = 1, windows = 1;
   int64_t kernel = 1, stride = 1, pad = 0, dilation = 1;
+  int64_t end_surplus = 0;  // trailing pad - pad
+
+  int64_t padded() const { return image + 2 * pad + end_surplus; }
 };
 
 /// Any number of spatial axes, slowest first; an empty list is a single pixel.
@@ -54,11 +57,14 @@ struct WindowRange {
 
   WindowRange(int64_t first, int64_t extent, int64_t image)
       : start(first), begin(std::max<int64_t>(first, 0)), end(std::min(first + extent, image)) {}
+
+  /// At least 1, so that the mean of an empty window is 0.
+  int64_t pixels() const { return std::max<int64_t>(end - begin, 1); }
 };
 
 /// Returns whether windows are single pixels, one per pixel of the image.
-constexpr bool is_each_pixel(int64_t kernel, int64_t stride, int64_t pad) {
-  return kernel == 1 && stride == 1 && pad == 0;
+constexpr bool is_each_pixel(const WindowAxis& axis) {
+  return axis.kernel == 1 && axis.stride == 1 && axis.pad == 0 && axis.windows == axis.image;
 }
 
 }  // namespace revisit::engine

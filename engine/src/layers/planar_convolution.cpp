@@ -52,8 +52,11 @@ void pack_constants(const BlockedConvolutionKernel& kernel, const ConvolutionPro
 }
 
 bool reaches_beyond_image(const ConvolutionProblem& p) {
-  return p.pad_h > 0 || p.pad_w > 0 || (p.kernel_h - 1) * p.dilation_h >= p.h ||
-         (p.kernel_w - 1) * p.dilation_w >= p.w;
+  const auto last = [](int64_t windows, int64_t stride, int64_t kernel, int64_t dilation) {
+    return (windows - 1) * stride + (kernel - 1) * dilation;
+  };
+  return p.pad_h > 0 || p.pad_w > 0 || last(p.out_h, p.stride_h, p.kernel_h, p.dilation_h) >= p.h ||
+         last(p.out_w, p.stride_w, p.kernel_w, p.dilation_w) >= p.w;
 }
 
 const float* bias_of(const std::vector<Tensor>& originals) {

@@ -18,6 +18,7 @@ PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(para
     throw InputError("give pad, or pad_h and pad_w, not both");
   if (param.has_pad_h() != param.has_pad_w())
     throw InputError("pad_h and pad_w must be given together");
+  expect_pad_ends(param);
   if (param.has_stride() && (param.has_stride_h() || param.has_stride_w()))
     throw InputError("give stride, or stride_h and stride_w, not both");
   if (param.has_stride_h() != param.has_stride_w())
@@ -40,6 +41,9 @@ WindowAxes PoolingWindow::axes(const Shape& input) const {
     const Window w = param_.global_pooling() ? Window{input[i + 2], 1, 0} : window(i, n, true);
     is_padded |= w.pad > 0;
     axes.push_back({.image = input[i + 2], .kernel = w.extent, .stride = w.stride, .pad = w.pad});
+    if (!param_.has_pad_b()) continue;
+    axes[i].end_surplus = int64_t{i == 0 ? param_.pad_b() : param_.pad_r()} - w.pad;
+    is_padded |= axes[i].end_surplus != 0;
   }
   for (WindowAxis& axis : axes) axis.windows = size(axis, is_padded);
   return axes;
@@ -55,6 +59,8 @@ PoolingProblem PoolingWindow::problem(const Shape& input) const {
   p.kernel_h = of[0].kernel, p.kernel_w = of[1].kernel;
   p.stride_h = of[0].stride, p.stride_w = of[1].stride;
   p.pad_h = of[0].pad, p.pad_w = of[1].pad;
+  p.end_surplus_h = of[0].end_surplus, p.end_surplus_w = of[1].end_surplus;
+  p.counts_padding = counts_padding();
   return p;
 }
 
@@ -90,6 +96,9 @@ Window PoolingWindow::window(size_t axis, size_t n_axes, bool checked) const {
   }
   expect_int(result.extent, "the kernel size");
   expect_int(result.stride, "the stride");
+  if (axis < 2 && param_.has_pad_b() &&
+      (axis == 0 ? param_.pad_b() : param_.pad_r()) >= result.extent)
+    throw InputError("pad_b and pad_r must be smaller than the kernel ", result.extent);
   if (result.extent < 1) throw InputError("the kernel size must be at least 1");
   if (result.stride < 1) throw InputError("the stride must be at least 1");
   if (result.pad >= result.extent)
@@ -102,13 +111,13 @@ int64_t PoolingWindow::size(const WindowAxis& axis, bool is_padded) const {
   const bool floor = param_.has_ceil_mode() ? !param_.ceil_mode()
                                             : param_.round_mode() == caffe::PoolingParameter::FLOOR;
   const float steps =
-      static_cast<float>(axis.image + 2 * axis.pad - axis.kernel) / static_cast<float>(axis.stride);
+      static_cast<float>(axis.padded() - axis.kernel) / static_cast<float>(axis.stride);
   int64_t out = static_cast<int64_t>(floor ? std::floor(steps) : std::ceil(steps)) + 1;
   // The last window must start inside the image or its leading pad, once any axis is padded.
   if (is_padded && (out - 1) * axis.stride >= axis.image + axis.pad) --out;
   if (out < 1)
-    throw InputError("a kernel of ", axis.kernel, " does not fit into ", axis.image, " + 2 x ",
-                     axis.pad, ": the output would be empty");
+    throw InputError("a kernel of ", axis.kernel, " does not fit into ", axis.image, " + ",
+                     axis.padded() - axis.image, " of padding: the output would be empty");
   return out;
 }
 
@@ -164,7 +173,8 @@ class Pooling : public Layer {
  private:
   Kernel bind_volumes(const Binding& binding) const {
     const Shape& input = binding.inputs[0];
-    const VolumePooling problem{input[0] * input[1], window_.axes(input), binding.threads};
+    const VolumePooling problem{input[0] * input[1], window_.axes(input), binding.threads,
+                                window_.counts_padding()};
     return {window_.is_max() ? "max-pool-volumes" : "average-pool-volumes",
             [problem, is_max = window_.is_max()](const Call& call) {
               if (is_max)

@@ -104,8 +104,18 @@ WindowRange bin_of_parts(float first, float last, float scale, int64_t i, int64_
   return {begin, whole(std::ceil(static_cast<float>(i + 1) * size + start)) - begin, image};
 }
 
-/// Averages each bin in its own channel of `[c][out_h][out_w]` (Dai et al. 2016); 0 if empty.
-void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
+/// Returns whether a bin and an object have a pixel in common along an axis (alenaliu/PPR-FCN,
+/// psroi_context_pooling_layer.cu).
+bool is_shared(const WindowRange& bin, float first, float last, float scale, int64_t image) {
+  const auto in_image = [&](float at) { return std::clamp<int64_t>(whole(at), 0, image); };
+  return bin.begin < in_image(std::ceil((std::round(last) + 1) * scale)) &&
+         bin.end > in_image(std::floor(std::round(first) * scale));
+}
+
+/// Averages each bin in its own channel of `[c][out_h][out_w]` (Dai et al. 2016); 0 if empty, or
+/// beside the `object` if it is not null: [image, x1, y1, x2, y2], whose image is ignored.
+void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* rois,
+                const float* object, float* output) {
   for_each_region(
       p, input, rois, output,
       [&](const float* roi, const float* image, float* out, int64_t first, int64_t last) {
@@ -115,7 +125,9 @@ void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* roi
                             columns =
                                 bin_of_parts(roi[1], roi[3], p.scale, i % p.out_w, p.out_w, p.w);
           const int64_t n_rows = rows.end - rows.begin, n_columns = columns.end - columns.begin;
-          const bool empty = n_rows <= 0 || n_columns <= 0;
+          const bool empty = n_rows <= 0 || n_columns <= 0 ||
+                             (object && !(is_shared(rows, object[2], object[4], p.scale, p.h) &&
+                                          is_shared(columns, object[1], object[3], p.scale, p.w)));
           for (int64_t c = first; c < last; ++c) {
             const float* map = image + (c * bins + i) * p.h * p.w;
             float sum = 0;
@@ -192,9 +204,12 @@ class RegionLayer : public Layer {
   static void check(const std::vector<Shape>& inputs, size_t n_outputs) {
     expect_count(inputs.size(), 2, "inputs (the feature map and the regions)");
     expect_count(n_outputs, 1, "outputs");
-    const Shape &input = inputs[0], &rois = inputs[1];
-    if (input.rank() != 4)
-      throw InputError("expected a feature map of 4 axes (n x c x h x w), found ", input);
+    if (inputs[0].rank() != 4)
+      throw InputError("expected a feature map of 4 axes (n x c x h x w), found ", inputs[0]);
+    check_regions(inputs[1]);
+  }
+
+  static void check_regions(const Shape& rois) {
     if (rois.rank() < 1 || rois.product(1, rois.rank()) != 5)
       throw InputError(
           "expected regions of 5 numbers (image, x1, y1, x2, y2), found an input of shape ", rois);
@@ -243,7 +258,8 @@ class RoiPooling : public RegionLayer {
 
 class PsRoiPooling : public RegionLayer {
  public:
-  explicit PsRoiPooling(const caffe::PSROIPoolingParameter& param) : param_(param) {
+  PsRoiPooling(const caffe::PSROIPoolingParameter& param, bool has_object)
+      : param_(param), has_object_(has_object) {
     if (!param.has_spatial_scale() || !param.has_output_dim() || !param.has_group_size())
       throw InputError("spatial_scale, output_dim and group_size must be given");
     if (param.output_dim() < 1 || param.group_size() < 1)
@@ -253,7 +269,14 @@ class PsRoiPooling : public RegionLayer {
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    check(inputs, n_outputs);
+    std::vector<Shape> regions = inputs;
+    if (has_object_) {
+      expect_count(inputs.size(), 3, "inputs (the feature map, the regions and the objects)");
+      check_regions(inputs[2]);
+      if (inputs[2].elements() < 1) throw InputError("expected an object, found none");
+      regions.pop_back();
+    }
+    check(regions, n_outputs);
     const int64_t dim = param_.output_dim(), group = param_.group_size();
     if (inputs[0][1] != dim * (group * group))
       throw InputError("expected output_dim x group_size x group_size = ", dim * (group * group),
@@ -262,19 +285,25 @@ class PsRoiPooling : public RegionLayer {
   }
 
   Kernel bind(const Binding& binding) const override {
-    return {"psroi-average-pool", [p = problem(binding, param_.spatial_scale())](const Call& call) {
-              psroi_pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
+    return {"psroi-average-pool", [p = problem(binding, param_.spatial_scale()),
+                                   has_object = has_object_](const Call& call) {
+              psroi_pool(p, call.inputs[0], call.inputs[1], has_object ? call.inputs[2] : nullptr,
+                         call.outputs[0]);
             }};
   }
 
  private:
   caffe::PSROIPoolingParameter param_;
+  bool has_object_;
 };
 
 }  // namespace
 
 constinit const LayerEntries kRoiPoolingLayers = {
-    {"PSROIPooling", make<PsRoiPooling, &Parameters::psroi_pooling_param>, "R-FCN",
+    {"PSROIContextPooling", make<PsRoiPooling, &Parameters::psroi_context_pooling_param, true>,
+     "PPR-FCN", "PSROIPooling whose bins are 0 beside an object", !kTrained,
+     "as in alenaliu/PPR-FCN, where the first object serves all regions"},
+    {"PSROIPooling", make<PsRoiPooling, &Parameters::psroi_pooling_param, false>, "R-FCN",
      "position-sensitive average of each bin of regions"},
     {"ROIAlign", make<RoiPooling, &Parameters::roi_pooling_param, true>, "Cascade R-CNN",
      "bilinear values at corners of bins of regions", !kTrained,

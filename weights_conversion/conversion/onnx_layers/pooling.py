@@ -1,11 +1,13 @@
 """Caffe's pooling, exact for every input size.
 
-Caffe has ceil((H + 2p - k) / s) + 1 windows; if some pad is not zero, one less if the last would start at or beyond H + p
-(docs/reference/LAYERS.md point 1). The floor formula with pad p before and e = min(p + s - 1, k - 1) after gives the same number, so
+Caffe has ceil((H + p + a - k) / s) + 1 windows (a: pad after); if some pad is not zero, one less if the last would start at or beyond H + p
+(docs/reference/LAYERS.md point 1). The floor formula with pad p before and e = min(a + s - 1, k - 1) after gives the same number, so
 ONNX's ceil mode is not needed, and e does not depend on H.
 """
 
 import numpy as np
+
+from .windows import trailing
 
 LOWEST = np.finfo(np.float32).min
 
@@ -18,10 +20,9 @@ def _axes(p):
     return kernel, stride, pad
 
 
-def _end(kernel, stride, pad, floor, clips):
-    if floor:
-        return pad
-    end = pad + stride - 1
+def _end(kernel, stride, after, floor, clips):
+    """Returns the pad behind an axis that gives the floor formula as many windows as Caffe has, with the pad `after` there."""
+    end = after if floor else after + stride - 1
     return min(end, kernel - 1) if clips else end
 
 
@@ -36,16 +37,18 @@ def _pooling(g, site):
     if len(site.shapes[0]) != 4:
         site.refuse('pooling of volumes cannot be exported to ONNX')
     floor = not p.ceil_mode if p.HasField('ceil_mode') else p.round_mode == p.FLOOR
-    return pool(g, site, p.pool == p.MAX, *_axes(p), floor)
+    kernel, stride, pad = _axes(p)
+    return pool(g, site, p.pool == p.MAX, kernel, stride, pad, trailing(p, pad), floor, p.pool != p.AVE_EXC_PAD)
 
 
-def pool(g, site, is_max, kernel, stride, pad, floor=False):
-    """Adds the nodes of a pooling with these windows."""
-    end = tuple(_end(k, s, q, floor, any(pad)) for k, s, q in zip(kernel, stride, pad))
+def pool(g, site, is_max, kernel, stride, pad, after, floor=False, counts_padding=True):
+    """Adds the nodes of a pooling with these windows, with the pad `pad` before and `after` behind each axis."""
+    clips = any(pad) or any(after)
+    end = tuple(_end(k, s, a, floor, clips) for k, s, a in zip(kernel, stride, after))
     sizes = dict(kernel_shape=kernel, strides=stride)
     if is_max:
         return _max(g, site, sizes, pad, end)
-    return [_average(g, site, sizes, pad, end)]
+    return [_average(g, site, sizes, pad, end, after if counts_padding else None)]
 
 
 def _max(g, site, sizes, pad, end):
@@ -75,14 +78,13 @@ def _unpadded(g, x, padded, places, before):
     return g.node('Where', inside[0], place, g.integers(-1))
 
 
-def _average(g, site, sizes, pad, end):
-    """Sum divided by the area of the window clipped to the padded image: padding counts, pixels beyond it do not."""
-    pads, x = (*pad, *end), site.x[0]
-    if pad == end:
+def _average(g, site, sizes, pad, end, after):
+    """Sum divided by the area of the window clipped to the image with its pads; to the image alone if `after` is None."""
+    pads, x, kernel = (*pad, *end), site.x[0], sizes['kernel_shape']
+    if after and all(e <= a for e, a in zip(end, after)):
         return g.node('AveragePool', x, pads=pads, count_include_pad=1, **sizes)
-    kernel = sizes['kernel_shape']
     gaps = any(e >= k for e, k in zip(end, kernel))  # a window may be empty, which AveragePool rejects
-    if not any(pad) and not gaps:
+    if not gaps and not (after and (any(pad) or any(after))):
         return g.node('AveragePool', x, pads=pads, count_include_pad=0, **sizes)
     if gaps:
         planes = g.reshape(x, -1, 1, g.shape(x, 2))
@@ -91,19 +93,22 @@ def _average(g, site, sizes, pad, end):
     else:
         means = g.node('AveragePool', x, pads=pads, count_include_pad=1, **sizes)
         sums = g.affine(means, float(np.prod(kernel)))
-    return g.node('Div', sums, _area(g, x, sums, sizes, pad))
+    return g.node('Div', sums, _area(g, x, sums, sizes, pad, after))
 
 
-def _area(g, x, y, sizes, pad):
-    """Returns Caffe's areas of the windows of y, [rows][columns]; 0 or negative beyond the image."""
+def _area(g, x, y, sizes, pad, after):
+    """Returns Caffe's areas of the windows of y, [rows][columns]; beyond the image at most 0, or 1 if padding does not count."""
     lengths = []
-    for axis, kernel, stride, before in zip((2, 3), sizes['kernel_shape'], sizes['strides'], pad):
+    for axis, kernel, stride, before, behind in zip((2, 3), sizes['kernel_shape'], sizes['strides'], pad, after or (0, 0)):
         n_windows = g.reshape(g.shape(y, axis, axis + 1))
         steps = g.node('Range', g.constant(0, np.int64), n_windows, g.constant(1, np.int64))
         begin = g.node('Sub', g.node('Mul', steps, g.integers(stride)), g.integers(before))
-        last = g.node('Add', g.shape(x, axis, axis + 1), g.integers(before))
+        last = g.node('Add', g.shape(x, axis, axis + 1), g.integers(behind))
         stop = g.node('Min', g.node('Add', begin, g.integers(kernel)), last)
-        lengths.append(g.to_float(g.node('Sub', stop, begin)))
+        if after is None:
+            begin = g.node('Max', begin, g.integers(0))
+        length = g.node('Sub', stop, begin)
+        lengths.append(g.to_float(length if after else g.node('Max', length, g.integers(1))))
     return g.node('Mul', g.reshape(lengths[0], -1, 1), lengths[1])
 
 
@@ -116,7 +121,7 @@ def _spp(g, site):
         bins = 2**level
         kernel = tuple(-(-size // bins) for size in (h, w))
         pad = tuple((k * bins - size + 1) // 2 for k, size in zip(kernel, (h, w)))
-        levels += pool(g, site, p.pool == p.MAX, kernel, kernel, pad)
+        levels += pool(g, site, p.pool == p.MAX, kernel, kernel, pad, pad)
     if len(levels) == 1:
         return levels
     return [g.node('Concat', *(g.reshape(level, 0, -1) for level in levels), axis=1)]

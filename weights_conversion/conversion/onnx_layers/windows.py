@@ -20,6 +20,11 @@ def _sizes(p, n):
             _per_axis(p.dilation, n, 1))
 
 
+def trailing(p, pad):
+    """Returns the pads behind each axis, which differ from those before it only if pad_b and pad_r are given."""
+    return [p.pad_b, p.pad_r] if p.HasField('pad_b') else list(pad)
+
+
 def _each_input(g, site, compute):
     """Applies the layer to each of its inputs. Axes before the channels are batch axes.
 
@@ -57,11 +62,11 @@ def _convolution(g, site):
 def _pads(site, spatial, kernel, stride, pad, dilation):
     """Returns the pads. With a single window, Caffe's kernel may exceed the padded input by less than a stride, over zeros."""
     ends = []
-    for size, k, s, q, d in zip(spatial or (1,), kernel, stride, pad, dilation):
-        missing = (k - 1) * d + 1 - size - 2 * q
+    for size, k, s, q, e, d in zip(spatial or (1,), kernel, stride, pad, trailing(site.message.convolution_param, pad), dilation):
+        missing = (k - 1) * d + 1 - size - q - e
         if missing > 0 and not site.fixed:
-            site.refuse(f'expected a kernel of at most {size} + 2 x {q}, found {k}; export with a larger input, or --fixed')
-        ends.append(q + max(missing, 0))
+            site.refuse(f'expected a kernel of at most {size} + {q + e}, found {k}; export with a larger input, or --fixed')
+        ends.append(e + max(missing, 0))
     return [*pad, *ends]
 
 
@@ -72,7 +77,7 @@ def _deconvolution(g, site):
         kernel, stride, pad, dilation = _sizes(p, len(spatial))
         weights = g.constant(site.blobs[0].reshape(channels, p.num_output // p.group, *kernel))
         return g.node('ConvTranspose', x, weights, *_bias(g, site, p), kernel_shape=kernel, strides=stride,
-                      pads=pad * 2, dilations=dilation, group=p.group)
+                      pads=pad + trailing(p, pad), dilations=dilation, group=p.group)
     return _each_input(g, site, compute)
 
 

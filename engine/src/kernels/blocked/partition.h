@@ -396,8 +396,9 @@ void pack_as(Precision values, float* packed, const Pack& pack) {
 }
 
 inline bool is_pointwise(const ConvolutionProblem& p) {
-  return groups_are_whole_blocks(p) && is_each_pixel(p.kernel_h, p.stride_h, p.pad_h) &&
-         is_each_pixel(p.kernel_w, p.stride_w, p.pad_w);
+  return groups_are_whole_blocks(p) &&
+         is_each_pixel({p.h, p.out_h, p.kernel_h, p.stride_h, p.pad_h}) &&
+         is_each_pixel({p.w, p.out_w, p.kernel_w, p.stride_w, p.pad_w});
 }
 
 // Predicted times of the kernels on one thread, from counts of operations and bytes. The constants

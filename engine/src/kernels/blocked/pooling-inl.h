@@ -97,7 +97,7 @@ HWY_INLINE void pool_row(const PoolingProblem& p, const RowOfWindows<In, Out>& r
   const int64_t whole_end = room < 0 ? 0 : room / p.stride_w + 1;
   for (int64_t x = row.begin; x < row.end;) {
     const WindowRange columns = columns_of(p, x);
-    const int64_t width = p.width(columns.start);
+    const int64_t width = p.width(columns);
     const auto run = [&](auto count) HWY_ATTR {
       pool_windows<Operation, decltype(count)::value>(
           row, row.in + (columns.begin - row.first_column) * kLanes, p.stride_w * kLanes,

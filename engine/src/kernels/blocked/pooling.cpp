@@ -25,7 +25,7 @@ void pool(const PoolingProblem& p, int64_t channels, const T* input, T* output) 
                                            .first_column = 0,
                                            .row_step = p.w * kLanes,
                                            .rows = rows.end - rows.begin,
-                                           .height = p.height(rows.start),
+                                           .height = p.height(rows),
                                            .begin = 0,
                                            .end = p.out_w,
                                            .out = out,
