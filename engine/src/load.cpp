@@ -118,8 +118,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     proto::Graph whole = proto::resolve(file.net);
     whole.dropped = std::move(file.dropped);
     proto::Graph graph = proto::prune(whole, options.end, options.graft);
-    if (graph.nodes.empty()) throw InputError("none of its layers writes a blob");
-    if (graph.outputs.empty()) warn_of_silence(whole, *net);
+    if (graph.outputs.empty() && !graph.nodes.empty()) warn_of_silence(whole, *net);
     for (const std::string& warning : graph.warnings)
       net->warnings.push_back(str(net->file, ": ", warning));
     net->graph = attach(file.net, std::move(graph));
@@ -129,6 +128,8 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   std::multimap<int, const proto::NetFile::Unread*> unread_by_layer;
   for (const proto::NetFile::Unread& part : file.unread) unread_by_layer.emplace(part.layer, &part);
   if (options.end.empty()) check_layers_not_run(file, *net);
+  if (net->graph.nodes.empty())
+    throw InputError(net->file, ": none of its layers writes a blob, so there is nothing to run");
   for (Node& node : net->graph.nodes) {
     const auto [begin, end] = unread_by_layer.equal_range(node.index);
     try {

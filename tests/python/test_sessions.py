@@ -176,8 +176,8 @@ class Sessions(FolderTest):
     def test_failures_leave_no_map(self):
         file, few = self.folder / 'new.map', self.folder / 'few.map'
         self.run_to_end('build', self.whole, few, '--every', 30)
-        for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--projection-from', few]),
-                                       ('loops', 3, 'its warm-up is not complete', ['--projection-from', few]),
+        for name, code, says, more in (('build', 3, 'warm-up not complete', ['--projection-from', few]),
+                                       ('loops', 3, 'warm-up not complete', ['--projection-from', few]),
                                        ('build', 2, 'expected at least 2 entries', ['--warmup', 0]),
                                        ('loops', 1, 'cannot be written', ['-o', '/nowhere/loops.csv'])):
             with self.subTest(name, says=says):
