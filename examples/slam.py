@@ -21,7 +21,7 @@ try:
     from evo.core import geometry, metrics, trajectory
     from evo.tools.file_interface import write_tum_trajectory_file
     from kiss_icp.kiss_icp import KISSConfig, KissICP
-    from matplotlib import rcParams
+    from matplotlib import rc
     from matplotlib.figure import Figure
     from revisit import LoopDetector, datasets, errors, open_map, poses, program, recordings
     from revisit.loops import recognize
@@ -29,7 +29,9 @@ except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
 GRAY = '#77808c'  # readable on white and on black
-rcParams.update(dict.fromkeys(('text.color', 'axes.edgecolor', 'axes.labelcolor', 'xtick.color', 'ytick.color'), GRAY) | {'legend.frameon': False})
+rc('axes', edgecolor=GRAY, labelcolor=GRAY), rc('legend', frameon=False)
+for group in ('text', 'xtick', 'ytick'):
+    rc(group, color=GRAY)
 TO_GTSAM = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])  # GTSAM orders rotation before translation
 DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # standard deviation of odometry per meter: rotation [rad], translation 0.017 [m]
 
