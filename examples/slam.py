@@ -29,7 +29,8 @@ except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
 GRAY = '#77808c'  # readable on white and on black
-rc('axes', edgecolor=GRAY, labelcolor=GRAY), rc('legend', frameon=False)
+rc('axes', edgecolor=GRAY, labelcolor=GRAY)
+rc('legend', frameon=False)
 for group in ('text', 'xtick', 'ytick'):
     rc(group, color=GRAY)
 TO_GTSAM = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])  # GTSAM orders rotation before translation
