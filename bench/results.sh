@@ -52,6 +52,7 @@ foreign() {  # foreign NAME OPTION...
   "$python" bench/rows.py "$file" "$drive" "$1" $missing -- bench/foreign.py "${data[@]}" "${@:2}"
 }
 compared() {  # compared SENSOR_OF_TRAINED_MODELS: methods of every table
+  learn "$1"
   own "rings"
   own "rings, not registered" --score distinct-margin
   own "rings without training, not registered" --ring "$work/$1-scans.ring" --score distinct-margin
@@ -129,7 +130,7 @@ real_drive() {  # real_drive DRIVE
   esac
 }
 
-if [ "${DRIVES:-}" ]; then sensors=(vlp16); fi
+if [ "${DRIVES:-}" ]; then sensors=(); fi
 for sensor in "${sensors[@]}"; do learn "$sensor"; done
 nclt=("$real/nclt/bin" --poses "$real/nclt/poses_kitti.txt" --pose-frame lidar --exclusion meters=50 --negative-radius 10)
 lists=$real/riverside/loops
@@ -153,7 +154,7 @@ if [ -z "$part" ]; then
   simulated town15-08-poor 15 08 vlp16 --every 4 --rolling-shutter --noise 0.06 --dropout 0.3
   compared vlp16
 fi
-export -f town simulated compared m2dp paper own foreign
+export -f town learn simulated compared m2dp paper own foreign
 export work kitti squeezenet revisit python missing
 for route in "${routes[@]}"; do
   for town in "${towns[@]}"; do
