@@ -112,8 +112,10 @@ real_drive() {  # real_drive DRIVE
       own "rings, local maps of 10 m" --local-map 10
       own "Scan Context, all candidates" --feature scan-context
       ;;
-    greenhouse_small)
-      data=("$real/$drive/bin" --poses "$real/$drive/poses_kitti.txt" --pose-frame lidar --exclusion meters=50 --negative-radius 10)
+    greenhouse_small)  # its frames begin at 130, its poses at the first line
+      local poses=$real/$drive/poses_kitti.txt
+      { for _ in {1..130}; do head -1 "$poses"; done && cat "$poses"; } >"$work/greenhouse_poses.txt"
+      data=("$real/$drive/bin" --poses "$work/greenhouse_poses.txt" --pose-frame lidar --exclusion meters=50 --negative-radius 10)
       own "rings"
       own "rings, local maps of 10 m" --local-map 10
       own "Scan Context, all candidates" --feature scan-context
