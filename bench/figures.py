@@ -87,7 +87,9 @@ def results_real():
     for k, (method, color) in enumerate(METHODS.items()):
         label = 'ring descriptor (revisit)' if method == 'rings' else tables.shown(method)
         for i, drive in enumerate(drives):
-            found = [row for row in rows if row['drive'] == drive and row['name'] in tables.BRIEF.get(method, (method,))]
+            places = next(row['with_place'] for row in rows if (row['drive'], row['name']) == (drive, 'rings'))  # of the same protocol
+            names = tables.BRIEF.get(method, (method,))
+            found = [row for row in rows if (row['drive'], row['with_place']) == (drive, places) and row['name'] in names]
             if found:
                 row, y = max(found, key=lambda row: row['ap']), i + (k - 2) * 0.15
                 axes.hlines(y, *row.get('ap_interval', (row['ap'],) * 2), color=color, linewidth=2.2, alpha=0.55)
