@@ -82,9 +82,9 @@ bool has_own_weights(const Net::Impl& net);
 void check_sharing(const Net::Impl& net);
 
 /// Sets weights from the prototxt itself, then from the file, if any. The file's layers match by
-/// name over all layers of the net, as in Caffe (docs/LAYERS.md point 9). Shared blobs take the
-/// weights of any layer of their group. Throws InputError with layer, blob, expected and found
-/// shapes, and for missing weights unless allowed.
+/// name over all layers of the net, as in Caffe (docs/reference/LAYERS.md point 9). Shared blobs
+/// take the weights of any layer of their group. Throws InputError with layer, blob, expected and
+/// found shapes, and for missing weights unless allowed.
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options);
 

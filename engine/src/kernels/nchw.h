@@ -101,7 +101,7 @@ struct StridedCopyProblem {
 void strided_copy(const StridedCopyProblem& problem, const float* input, float* output);
 
 /// Local response normalization of `[n][c][h * w]` over `size` (odd) neighboring channels:
-/// y = x * (k + alpha / size * sum of squares) ^ -beta (docs/LAYERS.md point 4).
+/// y = x * (k + alpha / size * sum of squares) ^ -beta (docs/reference/LAYERS.md point 4).
 struct LrnProblem {
   int64_t n = 1, c = 1, h = 1, w = 1;
   int64_t size = 5;
@@ -147,7 +147,7 @@ struct PoolingProblem {
 
 /// Maximum of each window, clipped to the image; empty_maximum() if it is empty. NaN is ignored.
 /// `mask`, if not null, receives the index h * w of the maximum as float, -1 for none
-/// (docs/LAYERS.md point 2).
+/// (docs/reference/LAYERS.md point 2).
 void max_pool(const PoolingProblem& problem, const float* input, float* output, float* mask);
 
 /// Mean of each window: padding counts as zeros if counts_padding, the area beyond it does not.

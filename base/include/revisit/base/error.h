@@ -8,6 +8,7 @@
 
 namespace revisit {
 
+/// Concatenates the parts as an ostream prints them.
 template <class... Parts>
 std::string str(const Parts&... parts) {
   std::ostringstream out;
@@ -23,6 +24,7 @@ class Error : public std::runtime_error {
   template <class... Parts>
   explicit Error(const Parts&... parts) : std::runtime_error(str(parts...)) {}
 
+  /// Writes what().
   friend std::ostream& operator<<(std::ostream& out, const Error& error) {
     return out << error.what();
   }

@@ -58,20 +58,20 @@ void lock_part(int descriptor, const std::filesystem::path& part);
 /// regular file, or shrinks while it is read.
 class FileCursor {
  public:
-  explicit FileCursor(const std::filesystem::path& file);
+  explicit FileCursor(const std::filesystem::path& file);  ///< at position 0
   /// Reads `content`, which must outlive the cursor; `name` is the path in messages.
   FileCursor(std::string_view content, std::filesystem::path name);
 
-  const std::filesystem::path& file() const { return file_; }
-  uint64_t size() const { return size_; }
-  uint64_t bytes_read() const { return bytes_read_; }
+  const std::filesystem::path& file() const { return file_; }  ///< path, or the name given for it
+  uint64_t size() const { return size_; }                      ///< [bytes]
+  uint64_t bytes_read() const { return bytes_read_; }          ///< from the disk so far
 
-  uint64_t position() const { return position_; }
-  void seek(uint64_t position) { position_ = position; }
+  uint64_t position() const { return position_; }         ///< [bytes] of the next read()
+  void seek(uint64_t position) { position_ = position; }  ///< reads nothing yet
 
   /// The caller must have checked that the file has `n` more bytes.
   void read(void* destination, uint64_t n);
-  uint8_t read_byte();
+  uint8_t read_byte();  ///< like read(), one byte
 
  private:
   bool buffered() const;
@@ -112,9 +112,9 @@ class UnnamedFile {
 
 /// Type of a number in a binary file.
 struct NumberType {
-  char kind = '?';  ///< as in NumPy: 'f' float, 'i' signed, 'u' unsigned; '?' another type
-  size_t bytes = 0;
-  bool big_endian = false;
+  char kind = '?';          ///< as in NumPy: 'f' float, 'i' signed, 'u' unsigned; '?' another type
+  size_t bytes = 0;         ///< size of a number
+  bool big_endian = false;  ///< most significant byte first
 };
 
 /// Reads the number at an address, which need not be aligned.

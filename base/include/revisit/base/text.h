@@ -31,6 +31,7 @@ std::string joined(const Range& range, std::string_view separator, Part part = {
 /// "1 scan", "2 scans".
 std::string plural(int64_t count, std::string_view what);
 
+/// "1x3x227x227"; "()" without axes.
 inline std::string shape_text(std::span<const int64_t> shape) {
   return shape.empty() ? "()" : joined(shape, "x");
 }

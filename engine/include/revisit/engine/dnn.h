@@ -47,6 +47,7 @@ class Net {
   cv::Mat forward(const std::string& layer = "") {
     return forward_all({layer.empty() ? net_.layer_names().back() : layer}).front();
   }
+  /// Runs the layers that several layers need and returns their first outputs; throws likewise.
   std::vector<cv::Mat> forward_all(const std::vector<std::string>& layers) {
     const engine::Run& done = pass(layers);
     std::vector<cv::Mat> outputs;

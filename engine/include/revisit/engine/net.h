@@ -23,6 +23,7 @@ class MemoryError : public Error {
   using Error::Error;
 };
 
+/// What Net::load() reads, and how.
 struct LoadOptions {
   /// Layer that provides the output, before in-place layers that follow; or, if no layer has the
   /// name, a blob after them. Later layers are ignored and their weights are not read. Empty: the
@@ -37,7 +38,7 @@ struct LoadOptions {
   /// Fills weights that the file lacks as Caffe does before training, instead of throwing. Fillers
   /// are zero if the prototxt has none; random ones depend on `fill_seed`.
   bool allow_missing = false;
-  uint64_t fill_seed = 0;
+  uint64_t fill_seed = 0;  ///< seed of random fillers
   /// Downgrades errors for unknown fields outside the parameters of layers to warnings.
   bool allow_unknown = false;
   /// Limits on the files. `limits.weight_bytes` also bounds the weights in memory, before they are
@@ -45,11 +46,13 @@ struct LoadOptions {
   proto::Limits limits = {};
 };
 
+/// A named input or output of a net.
 struct Port {
-  std::string name;
-  Shape shape;  ///< the maximum, if the number of rows depends on the data
+  std::string name;  ///< blob of an input; name of an output
+  Shape shape;       ///< the maximum, if the number of rows depends on the data
 };
 
+/// Settings of Net::plan().
 struct PlanOptions {
   /// Threads of one forward pass, 1 to 1024. Results do not depend on it, bit for bit.
   int threads = 1;
@@ -77,7 +80,7 @@ struct PlanOptions {
   /// limited only before layers that amplify rounding errors: BatchNorm, MVN that divides by the
   /// deviation, and Softmax on maps without averaging before. Nets without such layers are within
   /// 1e-5 of Caffe (maximum error / maximum value of a layer). Errors of real nets:
-  /// docs/ACCURACY.md.
+  /// docs/reference/ACCURACY.md.
   bool strict_accuracy = false;
   /// Ignored by reference_kernels, which compute in float32.
   Precision precision = Precision::kFloat32;
@@ -96,19 +99,21 @@ struct PlanOptions {
 /// Receptive field of an output pixel on the net's input along one axis: output pixel i depends on
 /// input pixels [start + i * stride, start + i * stride + size). A negative start is padding.
 struct ReceptiveField {
-  int64_t size = 1, stride = 1, start = 0;
+  int64_t size = 1, stride = 1, start = 0;  ///< [pixels], see above
   friend bool operator==(const ReceptiveField&, const ReceptiveField&) = default;
 };
 
+/// Memory of one output or scratch in the arena of a run.
 struct BufferUse {
-  std::string what;  ///< layer that owns the output or scratch
-  int64_t offset_bytes = 0, bytes = 0;
+  std::string what;                     ///< layer that owns the output or scratch
+  int64_t offset_bytes = 0, bytes = 0;  ///< position in the arena, and size
   size_t first_layer = 0,
          last_layer = 0;  ///< indices into Plan::layers(); last may be one past the end
 };
 
+/// One layer of a plan with its kernel and cost.
 struct LayerCost {
-  std::string name, type;
+  std::string name, type;  ///< as in the file
   /// Display name. "" if the layer is only a view of its input, "in conv1" if it is fused into
   /// layer conv1, "in place" if its inputs are already parts of its output.
   std::string kernel;
@@ -117,22 +122,22 @@ struct LayerCost {
   /// faster kernels), "blocking not faster" (few channels, or a CPU without AVX2), "reference
   /// requested".
   std::string selection_reason;
-  bool winograd = false;
-  bool exact = false;  ///< only moves or selects values, or (leaky ReLU) scales each once
-  std::vector<Shape> inputs, outputs, weights;
+  bool winograd = false;  ///< the kernel uses Winograd's algorithm
+  bool exact = false;     ///< only moves or selects values, or (leaky ReLU) scales each once
+  std::vector<Shape> inputs, outputs, weights;  ///< shapes, in the layer's order
   /// Blob names of inputs and outputs in the file; an in-place layer repeats a name.
   std::vector<std::string> input_blobs, blobs;
   int64_t macs = 0;  ///< multiply-accumulates; 0 where not applicable
   /// Multiplications that the kernel executes, in `products`: fewer than macs for Winograd's
   /// algorithm and single-channel inputs.
   int64_t multiplications = 0;
-  Precision products = Precision::kFloat32;
+  Precision products = Precision::kFloat32;  ///< number format of the factors
   /// Values and weights that the kernel reads and values that it writes, each counted once;
   /// excludes scratch.
   int64_t read_bytes = 0, written_bytes = 0;
-  int64_t parameters = 0;
-  int64_t packed_weight_bytes = 0;
-  int64_t activation_bytes = 0;  ///< memory of the outputs; 0 if shared with the input
+  int64_t parameters = 0;           ///< weights and biases
+  int64_t packed_weight_bytes = 0;  ///< copies of the weights in the kernel's order
+  int64_t activation_bytes = 0;     ///< memory of the outputs; 0 if shared with the input
   /// Receptive fields of the first output's rows and columns; nullopt if they cover the entire
   /// input or the output is not an image.
   std::optional<ReceptiveField> field_h, field_w;
@@ -149,12 +154,12 @@ class Plan {
   Plan& operator=(const Plan&) = default;
   ~Plan() = default;
 
-  const std::vector<LayerCost>& layers() const;
-  const std::vector<Port>& inputs() const;
-  const std::vector<Port>& outputs() const;
+  const std::vector<LayerCost>& layers() const;  ///< in execution order
+  const std::vector<Port>& inputs() const;       ///< with the planned shapes
+  const std::vector<Port>& outputs() const;      ///< in the net's order
   /// All activations and scratch of one run [bytes].
   int64_t arena_bytes() const;
-  int64_t weight_bytes() const;
+  int64_t weight_bytes() const;  ///< weights of the file that the layers use [bytes]
   /// Size of weight copies in the kernels' order [bytes]. Plans of a net share copies for the same
   /// kernels; the last plan frees them.
   int64_t packed_weight_bytes() const;
@@ -185,8 +190,8 @@ class Net {
                   const LoadOptions& options = {});
 
   /// Loads from the contents of both files, which are needed only during the call. The prototxt
-  /// must not be a solver file, because that names another file. Messages use the names <prototxt>
-  /// and <weights>.
+  /// must not be a solver file, because that names another file. Messages use the names
+  /// "<prototxt>" and "<weights>".
   static Net load_from_memory(std::string_view prototxt, std::string_view weights,
                               const LoadOptions& options = {});
 
@@ -215,10 +220,10 @@ class Net {
   /// layers. Throws UsageError for unknown layers.
   Net truncated(const std::vector<std::string>& layers) const;
 
-  const std::string& name() const;
+  const std::string& name() const;  ///< as in the prototxt
   /// Net inputs with their shapes from the prototxt or LoadOptions::inputs.
   const std::vector<Port>& inputs() const;
-  std::vector<std::string> outputs() const;
+  std::vector<std::string> outputs() const;  ///< names, in the order of the prototxt
   /// Names of all inference layers of the file, in order.
   const std::vector<std::string>& layer_names() const;
   /// True if plans can have channel_offsets: one input, read only by convolutions without groups.
@@ -229,7 +234,7 @@ class Net {
   /// bias. The views are valid while a copy of this net lives. Throws UsageError if the net was
   /// loaded without weights.
   std::vector<std::pair<std::string, std::vector<View<const float>>>> weights() const;
-  uint64_t weight_bytes_read() const;
+  uint64_t weight_bytes_read() const;  ///< from the weights file [bytes]
   /// Packed weight copies of the kernels of all living plans [bytes].
   int64_t packed_weight_bytes() const;
 
@@ -250,24 +255,24 @@ std::vector<float> filled(std::string_view filler, const Shape& shape, uint64_t 
 
 /// Execution context that owns the memory of a plan. Use one per thread; runs of one plan can
 /// execute concurrently. Each thread that calls forward() has threads of its own, which end with
-/// it; a forked child creates new ones. forward() waits only for threads that have begun to
-/// work, so threads that are not scheduled do not delay it. See OneBlasThread in machine.h for the effect on OpenBLAS's threads. A moved-from run can be
-/// assigned to or destroyed. Its other functions throw UsageError, and forward() without
-/// `observe`, which is noexcept, calls std::terminate.
+/// it; a forked child creates new ones. forward() waits only for threads that have begun to work,
+/// so threads that are not scheduled do not delay it. See OneBlasThread in machine.h for the effect
+/// on OpenBLAS's threads. A moved-from run can be assigned to or destroyed. Its other functions
+/// throw UsageError, and forward() without `observe`, which is noexcept, calls std::terminate.
 class Run {
  public:
   /// Allocates Plan::arena_bytes(). Inputs are NaN until filled. Throws UsageError if needed
   /// weights are not loaded, MemoryError if the system refuses memory. With overcommit (Linux), the
   /// system may kill the program later instead, so limit memory by PlanOptions::max_run_bytes.
   explicit Run(Plan plan);
-  Run(Run&&) noexcept;
-  Run& operator=(Run&&) noexcept;
+  Run(Run&&) noexcept;             ///< leaves a run that throws, see above
+  Run& operator=(Run&&) noexcept;  ///< likewise
   ~Run();
 
   /// Memory of a net input for the caller to fill; it keeps its values across forward passes.
   /// Throws UsageError for an unknown name.
   View<float> input(std::string_view blob);
-  void forward() noexcept;
+  void forward() noexcept;  ///< computes all outputs from the inputs
   /// Calls `observe` before each step (`done` is false) and after it. A layer, an index into
   /// Plan::layers(), can have any number of steps.
   void forward(const std::function<void(size_t layer, bool done)>& observe);
@@ -278,7 +283,7 @@ class Run {
   /// unless the plan has keep_all or the name in `keep`, because other buffers are overwritten.
   View<const float> layer_output(std::string_view name) const;
 
-  const Plan& plan() const { return plan_; }
+  const Plan& plan() const { return plan_; }  ///< the plan it executes
 
  private:
   struct Memory;
@@ -287,10 +292,11 @@ class Run {
   std::unique_ptr<Memory> memory_;
 };
 
+/// A supported type of layers.
 struct LayerType {
   std::string type;    ///< as in the prototxt
   std::string origin;  ///< "Caffe", or the fork it comes from
-  std::string does;
+  std::string does;    ///< description, for display
 };
 
 /// Sorted case-insensitively.

@@ -14,6 +14,7 @@
 
 namespace revisit::proto {
 
+/// What read_net() keeps, and the state whose layers it selects.
 struct NetReadOptions {
   /// Downgrades errors for unknown fields outside the parameters of layers to warnings. Fields
   /// known to have no effect are always warnings. Fields that may have one, and likely
@@ -32,12 +33,12 @@ struct NetReadOptions {
   /// Phase TRAIN instead of TEST, level, and stages in addition to those of the file: select layers
   /// by their include and exclude rules.
   bool train = false;
-  int level = 0;
-  std::vector<std::string> stages = {};
+  int level = 0;                         ///< of the state
+  std::vector<std::string> stages = {};  ///< besides those of the file
   /// Layer types with weights (engine::types_with_weights()). A loss input that depends on one is
   /// the prediction, not a label. If empty, a training net may keep its labels.
   std::set<std::string> types_with_weights = {};
-  Limits limits;
+  Limits limits;  ///< sizes beyond them are errors
 };
 
 /// A network description in the current form (V2): `layer` entries only, without V1 `layers`; every
@@ -49,18 +50,18 @@ struct NetFile {
     bool is_error;    ///< else a warning
     InputError what;  ///< to be thrown if the layer is needed
   };
-  caffe::NetParameter net;
+  caffe::NetParameter net;                     ///< upgraded, with the selected layers
   std::vector<Unread> unread;                  ///< with NetReadOptions::keep_unread
   std::map<std::string, std::string> skipped;  ///< fate of skipped layers, by name
   std::map<std::string, std::string> dropped;  ///< blob -> layer of another state that writes it
   std::vector<std::string> warnings;           ///< upgrades and changes to training layers
 };
 
-/// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and
-/// extracts the layers of the state (inference_net.cpp). For a solver file, reads the single net
-/// that it names, relative to the solver's folder, else to the working folder. Throws InputError,
-/// `path:line:column: reason`, if the text does not parse or upgrade, has no layers, or exceeds a
-/// limit.
+/// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/reference/LAYERS.md
+/// point 7) and extracts the layers of the state (inference_net.cpp). For a solver file, reads the
+/// single net that it names, relative to the solver's folder, else to the working folder. Throws
+/// InputError, `path:line:column: reason`, if the text does not parse or upgrade, has no layers, or
+/// exceeds a limit.
 NetFile read_net(const std::filesystem::path& prototxt, const NetReadOptions& options = {});
 
 /// Parses text in memory like read_net(), except solver files; `name` is the path in messages.
@@ -83,6 +84,7 @@ std::string schema_bytes();
 
 /// Writes the file atomically. Throws Error if it cannot be written.
 void write_net_text(const std::filesystem::path& file, const caffe::NetParameter& net);
+/// As write_net_text(), with weights.
 void write_net_binary(const std::filesystem::path& file, const caffe::NetParameter& net);
 
 /// Fork of Caffe that defines an unsupported layer type, or "". Accepts the type name of any
@@ -92,20 +94,20 @@ std::string fork_of(std::string_view name);
 // Which value a blob name means: the only code that resolves names, in-place layers and blobs that
 // share memory in Caffe.
 
-using ValueId = int;
+using ValueId = int;  ///< index into Graph::values
 
 /// A tensor that is written once (SSA): an in-place ReLU creates a new value of the same blob.
 struct Value {
-  std::string blob;
+  std::string blob;     ///< name in the file
   ValueId memory = -1;  ///< first value in the memory where Caffe stores this one
 };
 
 /// A layer of the file, or an inserted Split with two inputs: it shows the first, which an in-place
 /// layer wrote, in the shape of the second, which shares its memory.
 struct Node {
-  std::string name, type;
-  int index = -1;  ///< position of the layer in the file; -1: inserted
-  std::vector<ValueId> inputs, outputs;
+  std::string name, type;                ///< of the layer; "Split" if inserted
+  int index = -1;                        ///< position of the layer in the file; -1: inserted
+  std::vector<ValueId> inputs, outputs;  ///< in the order of bottoms and tops
   bool in_place = false;  ///< in the file: an output has the blob name of the input at its position
   /// Invalid names, which are errors only if the layer is needed:
   std::string dangling = {};     ///< an input, with id -1, that no earlier layer writes
@@ -114,12 +116,12 @@ struct Node {
 
 /// Nodes in execution order.
 struct Graph {
-  std::string name;
-  std::vector<Node> nodes;
-  std::vector<Value> values;
+  std::string name;                                      ///< of the net
+  std::vector<Node> nodes;                               ///< inputs are nodes of type Input
+  std::vector<Value> values;                             ///< by ValueId
   std::vector<std::pair<std::string, ValueId>> outputs;  ///< names; blobs without consumers if full
   std::map<std::string, std::string> dropped = {};       ///< NetFile::dropped, for messages
-  std::vector<std::string> warnings = {};
+  std::vector<std::string> warnings = {};                ///< about a graft
 };
 
 /// Returns whether Caffe stores the tops of a layer in the memory of its first bottom. All of them

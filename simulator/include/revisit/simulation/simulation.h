@@ -46,7 +46,7 @@ struct SimulationConfig {
   /// the tilt of the sensor. Absent: a typical one.
   std::optional<std::filesystem::path> calibration;
 
-  int first_frame = 0;
+  int first_frame = 0;            ///< of the drive, the first that is simulated
   std::optional<int> last_frame;  ///< inclusive; absent: the last of the drive
   int every = 1;                  ///< frames first_frame + i * every are simulated
 
@@ -81,14 +81,15 @@ struct SimulationConfig {
   bool overwrite = false;  ///< replace scans of other settings
 };
 
+/// What simulate() wrote.
 struct SimulationSummary {
-  int64_t scans = 0;       ///< requested and complete
-  int64_t kept = 0;        ///< complete from an earlier run
-  double mean_points = 0;  ///< per scan
-  double path_meters = 0;
-  double build_seconds = 0;
-  double scan_seconds = 0;  ///< to cast and write the new scans
-  int64_t triangles = 0;
+  int64_t scans = 0;         ///< requested and complete
+  int64_t kept = 0;          ///< complete from an earlier run
+  double mean_points = 0;    ///< per scan
+  double path_meters = 0;    ///< length of the drive [m]
+  double build_seconds = 0;  ///< to build the world
+  double scan_seconds = 0;   ///< to cast and write the new scans
+  int64_t triangles = 0;     ///< of the world
 };
 
 /// Writes a data set in KITTI odometry layout of a drive through a synthetic world:

@@ -7,30 +7,31 @@
 
 namespace revisit::models {
 
+/// A published Caffe model.
 struct KnownModel {
   std::string name{};         ///< argument of `revisit models fetch`
   std::string address{};      ///< URL of the weights or of an archive; "" if unknown
-  std::string file{};         ///< name in the cache: <cache>/<name>/<file>
+  std::string file{};         ///< name in the cache: CACHE/name/file
   std::string sha1{};         ///< lower-case hexadecimal; "" if not published
   std::string sha1_source{};  ///< publication of the SHA-1; "" without sha1
   /// The SHA-1 has a single third-party source, so a file with another one may be the original.
   bool sha1_is_doubtful = false;
-  std::string license{};
+  std::string license{};  ///< of the weights, as published
   std::optional<std::array<double, 3>>
       mean_bgr{};      ///< mean to subtract, in 0..255; absent: unknown
   int input_size = 0;  ///< height and width in training [pixels]
   /// Suggested truncations; the paper's best first. "pool5": the feature is the output of this
   /// layer; "conv3+pool5": of conv3, after its in-place ReLU, followed by a copy of pool5.
   std::vector<std::string> cuts{};
-  std::string own_net{};  ///< name of own_net(); "" if none
-  std::string prototxt_address{};
-  bool needs_browser = false;  ///< the URL is a web page instead of the file
-  std::string notes{};
+  std::string own_net{};           ///< name of own_net(); "" if none
+  std::string prototxt_address{};  ///< URL of the original net; "" if unknown
+  bool needs_browser = false;      ///< the URL is a web page instead of the file
+  std::string notes{};             ///< what a user should know, for display
 };
 
 /// Returns the table in the order of preference for place recognition (the paper's networks first).
 const std::vector<KnownModel>& known_models();
-std::vector<std::string> known_model_names();
+std::vector<std::string> known_model_names();  ///< in the same order
 
 /// Returns the entry with this name, case-insensitively. Throws UsageError with the closest name.
 const KnownModel& known_model(const std::string& name);
@@ -46,6 +47,6 @@ inline constexpr std::array<double, 3> kIlsvrcMeanBgr = {104.007, 116.669, 122.6
 /// names, so that the original caffemodels match. Inputs have the original size; larger ones work,
 /// too. Returns null for an unknown name; names are those of the files, e.g. "alexnet".
 const char* own_net(const std::string& name);
-std::vector<std::string> own_net_names();
+std::vector<std::string> own_net_names();  ///< names for own_net()
 
 }  // namespace revisit::models

@@ -10,7 +10,7 @@ namespace revisit::profiling {
 
 /// Statistics of repeated timings [ms].
 struct Timing {
-  double min = 0, median = 0, p95 = 0;
+  double min = 0, median = 0, p95 = 0;  ///< p95: nearest-rank 95th percentile
   /// 99 % confidence interval of the population median, if passes are independent. With fewer than
   /// kMinSamplesForInterval samples: minimum and maximum.
   double low = 0, high = 0;
@@ -21,16 +21,17 @@ struct Timing {
 /// then below 1 %.
 constexpr int kMinSamplesForInterval = 8;
 
-/// p95 is the nearest-rank 95th percentile. `samples_ms` must not be empty.
+/// `samples_ms` must not be empty.
 Timing summarize(std::vector<double> samples_ms);
 
 constexpr int kWarmup = 2, kRepeat = 20;  ///< default numbers of passes
 
+/// Times of each layer and of full passes.
 struct Profile {
   std::vector<Timing> layers;  ///< as Plan::layers(), from instrumented passes
-  Timing layer_sum;
-  Timing total;  ///< uninstrumented passes
-  int passes = 0;
+  Timing layer_sum;            ///< sum over the layers of each instrumented pass
+  Timing total;                ///< uninstrumented passes
+  int passes = 0;              ///< timed passes of each kind
 };
 
 /// Times forward passes of `run` with its current inputs. Instrumented and uninstrumented passes
@@ -41,15 +42,15 @@ Profile profile(engine::Run& run, int warmup = kWarmup, int repeat = kRepeat,
 
 /// Bandwidth for a working set of `bytes`, all threads together, each on its own part [GB/s].
 struct Bandwidth {
-  int64_t bytes = 0;
-  double read = 0;
-  double copy = 0;  ///< bytes read plus bytes written
+  int64_t bytes = 0;  ///< size of the working set
+  double read = 0;    ///< [GB/s]
+  double copy = 0;    ///< bytes read plus bytes written [GB/s]
 };
 
 /// Limits of this machine with some number of threads: compute and bandwidth of the roofline model
 /// (Williams, Waterman and Patterson, 2009).
 struct SpeedLimits {
-  int threads = 1;
+  int threads = 1;            ///< used for the measurement
   double float32_gflops = 0;  ///< a multiply-add counts as two operations
   double bf16_gflops = 0;     ///< 0 without bfloat16 instructions
   /// From a working set in a core's caches to one beyond all caches, ascending.

@@ -9,13 +9,13 @@
 
 namespace revisit {
 
-// The methods that the paper compares with, and others. docs/BASELINES.md lists choices that their
-// sources leave open.
+// The methods that the paper compares with, and others. docs/reference/BASELINES.md lists choices
+// that their sources leave open.
 
 /// G. Kim, A. Kim: Scan Context: Egocentric Spatial Descriptor for Place Recognition within 3D
 /// Point Cloud Map, IROS 2018.
 struct ScanContextOptions {
-  int rings = 20, sectors = 60;  ///< Nr, Ns
+  int rings = 20, sectors = 60;  ///< radial bins and azimuth sectors: Nr, Ns
   double max_range = 80;         ///< [m], Lmax: maximum horizontal range
   double sensor_height = 2;      ///< [m], added to z so that the ground is near 0
   /// Candidates preselected by ring keys (the paper: 10 or 50); 0: all.

@@ -33,8 +33,9 @@ Eigen::Matrix<double, 3, 4> read_kitti_projection(const std::filesystem::path& f
 /// Reads a KITTI times.txt: seconds, one value per line. Throws InputError with file:line.
 std::vector<double> read_kitti_times(const std::filesystem::path& file);
 
+/// A scan that is read on demand.
 struct ScanRef {
-  std::filesystem::path file;
+  std::filesystem::path file;  ///< names the scan in messages
   int frame = 0;  ///< index in the sequence; KITTI: the number in the file name (gaps are allowed)
   std::optional<Pose> pose;    ///< T_world_cam for KITTI, else T_world_lidar; absent if unknown
   std::optional<double> time;  ///< [s]
@@ -55,21 +56,22 @@ void read_scan_into(const ScanRef& scan, PointCloud& cloud);
 
 /// A sequence, or any folder of scans, in frame order.
 struct Dataset {
-  std::string name;
-  std::string sequence;  ///< e.g. "00"; "" for a plain folder
-  std::vector<ScanRef> scans;
+  std::string name;            ///< from the folder, for display
+  std::string sequence;        ///< e.g. "00"; "" for a plain folder
+  std::vector<ScanRef> scans;  ///< in frame order
   /// Counts frames whose scans are missing or skipped, too; 0 without poses.
   int64_t n_poses = 0;
   /// The world has KITTI's camera axes: x right, y down, z forward. Else it has z up.
   bool camera_axes = false;
-  std::vector<std::string> warnings;
+  std::vector<std::string> warnings;  ///< what was skipped or missing
   std::string point_times;  ///< PointTimes::text; "" if unknown, or if files have no times
+  /// Every scan has a pose.
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;
     return !scans.empty();
   }
-  bool has_places() const { return !scans.empty() && !scans[0].place.empty(); }
+  bool has_places() const { return !scans.empty() && !scans[0].place.empty(); }  ///< sorted
 };
 
 /// Opens a KITTI odometry sequence, a folder per place, or a plain folder of .bin/.pcd/.ply files.
@@ -97,8 +99,9 @@ Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folde
 /// Opens a folder of .png images named by frame numbers, without poses. Throws as camera_images().
 Dataset image_folder(const std::filesystem::path& folder);
 
+/// Poses of a trajectory file.
 struct TimedPoses {
-  std::string file;
+  std::string file;           ///< for messages
   std::vector<double> times;  ///< [s]; empty in KITTI's format, where pose i belongs to frame i
   std::vector<Pose> poses;    ///< as stored
 };

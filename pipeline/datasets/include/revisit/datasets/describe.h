@@ -15,11 +15,12 @@
 
 namespace revisit {
 
+/// How the scans of a data set become features.
 struct DescribeOptions {
-  ImageGeometry geometry;
-  AlignCase align = AlignCase::kOne;
-  Perturbation perturbation;  ///< of every scan; the result does not depend on other scans
-  uint32_t seed = 0;
+  ImageGeometry geometry;             ///< of range images
+  AlignCase align = AlignCase::kOne;  ///< before the projection
+  Perturbation perturbation;          ///< of every scan; the result does not depend on other scans
+  uint32_t seed = 0;                  ///< of the perturbation
   /// Scans processed at once, one thread each. Does not change the values.
   int threads = 1;
   /// True: a scan that cannot be described is an error, instead of getting a zero feature.
@@ -28,23 +29,23 @@ struct DescribeOptions {
 
 /// [ms] on one thread, for each scan described in this process.
 struct DescribeTimes {
-  std::vector<double> read, align, project, close, feature, write;
-  double wall_ms = 0;  ///< all threads
+  std::vector<double> read, align, project, close, feature, write;  ///< per step
+  double wall_ms = 0;                                               ///< all threads
   /// CPU time from points or image in memory to the feature; other processes do not affect it.
   std::vector<double> processor;
 
-  void append(const DescribeTimes& more);
+  void append(const DescribeTimes& more);  ///< adds times of other scans
 };
 
 /// 6 floats, the first four as in Alignment; NaN if unknown: images, skipped scans, clouds without
 /// direction.
 struct AlignmentRecord {
-  float yaw = 0;  ///< [rad]
-  float eigenvalue_ratio = 0;
-  float abs_t11 = 0;
-  float mirrored_choice = 0;  ///< 0 or 1
-  float outside = 0;          ///< RangeImage::outside_share(); NaN without a range image
-  float described = 1;        ///< 0: the scan could not be described, its feature is all zero
+  float yaw = 0;               ///< [rad]
+  float eigenvalue_ratio = 0;  ///< l1/l2; near 1: the direction is ambiguous
+  float abs_t11 = 0;           ///< |t11|; near 0: its sign is
+  float mirrored_choice = 0;   ///< 0 or 1
+  float outside = 0;           ///< RangeImage::outside_share(); NaN without a range image
+  float described = 1;         ///< 0: the scan could not be described, its feature is all zero
 };
 
 /// Must be incremented with every change that alters features beyond the last digits of a float,
@@ -73,14 +74,15 @@ class DatasetFeatures {
   DatasetFeatures(const DatasetFeatures&) = delete;
   DatasetFeatures& operator=(const DatasetFeatures&) = delete;
 
-  const std::string& key() const { return key_; }
-  const FeatureExtractor& extractor() const { return extractor_; }
-  const std::filesystem::path& path() const { return path_; }
+  const std::string& key() const { return key_; }  ///< identifies all that features depend on
+  const FeatureExtractor& extractor() const { return extractor_; }  ///< the feature
+  const std::filesystem::path& path() const { return path_; }       ///< of file(), existing or not
+  /// Number of scans.
   int64_t n() const { return static_cast<int64_t>(dataset_.scans.size()); }
   /// [n][dim]. Throws Interrupted (the next call resumes), InputError for a scan that cannot be
   /// read (with `strict`: described), Error if the disk is full.
   const FeatureFile& file();
-  const std::vector<AlignmentRecord>& alignments();
+  const std::vector<AlignmentRecord>& alignments();  ///< per scan
   /// Rows of scans that could not be described, ascending.
   std::vector<int64_t> skipped();
   /// Times of this process or an earlier one; wall time only of this process.

@@ -8,11 +8,13 @@
 
 namespace revisit {
 
+/// Called with the units done so far and their total.
 using Progress = std::function<void(int64_t done, int64_t total)>;
 
+/// Callbacks of long work. Defaults ignore everything.
 struct Observer {
-  std::function<void(const std::string&)> note = [](const std::string&) {};
-  std::function<void(const std::string&)> warn = [](const std::string&) {};
+  std::function<void(const std::string&)> note = [](const std::string&) {};  ///< choices made
+  std::function<void(const std::string&)> warn = [](const std::string&) {};  ///< problems
   /// Begins a stage, e.g. ("describing", "scans"). It ends when the returned function is destroyed.
   std::function<Progress(const char* verb, const char* unit)> stage = [](const char*, const char*) {
     return [](int64_t, int64_t) {};

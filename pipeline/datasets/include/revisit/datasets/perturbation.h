@@ -10,7 +10,9 @@
 
 namespace revisit {
 
+/// One change of a scan.
 struct PerturbationStep {
+  /// What changes, and the unit of the amount.
   enum class Kind {
     kTurn,    ///< yaw [deg], left positive; absent: random
     kRoll,    ///< [deg], about x
@@ -24,8 +26,8 @@ struct PerturbationStep {
     kRain,    ///< fraction of the returns that come from 0.5 to 10 m instead
     kTruck,   ///< has no amount
   };
-  Kind kind = Kind::kTurn;
-  std::optional<double> amount;
+  Kind kind = Kind::kTurn;       ///< what changes
+  std::optional<double> amount;  ///< in the unit of the kind
 };
 
 /// Steps are applied in order. No steps: unchanged.

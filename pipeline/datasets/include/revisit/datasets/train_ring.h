@@ -9,6 +9,7 @@
 
 namespace revisit {
 
+/// Source of the pairs of scans that show one place.
 enum class RingSupervision {
   kLoops,     ///< poses: all pairs of near scans, also of different passes
   kOdometry,  ///< poses with drift: scans near in space and in time
@@ -16,16 +17,17 @@ enum class RingSupervision {
   kScans,     ///< no pairs, scans only
 };
 
+/// Settings of train_ring_model().
 struct TrainRingOptions {
-  RingSupervision supervision = RingSupervision::kLoops;
+  RingSupervision supervision = RingSupervision::kLoops;  ///< source of the pairs
   double radius = 5;      ///< [m], maximum distance of two scans of one place
   int frames_apart = 50;  ///< kOdometry: maximum distance of a pair in frames
   int sectors = 128;      ///< of the CNN ring
   int cnn_scans = 200;    ///< maximum number of scans for the CNN ring's projection
   /// Number of augmented copies of every scan, by random_augmentation().
   int augmentations = 2;
-  int threads = 1;
-  std::filesystem::path cache;
+  int threads = 1;              ///< does not affect the result
+  std::filesystem::path cache;  ///< folder of the features
 };
 
 /// Trains a ring model on drives of one sensor. The caller sets image, net and heights of `model`;

@@ -14,6 +14,7 @@
 
 namespace revisit {
 
+/// How features become descriptors.
 struct ReductionOptions {
   int64_t components = -1;  ///< of the PCA; 0: as many as the data has; -1: no PCA
   /// Scans for the PCA or the ring mean: "all", the stored ones ("map"), or a folder with a PCA.
@@ -24,11 +25,11 @@ struct ReductionOptions {
 
 /// Rows are all scans.
 struct Descriptors {
-  FloatMatrix case1;
-  std::optional<FloatMatrix> case2;
-  Comparison comparison;
-  std::string pca_fit;  ///< source of the PCA, for display
-  std::string note;     ///< if fewer components were kept than requested
+  FloatMatrix case1;                 ///< [scans][d], alignment case 1 or as stored
+  std::optional<FloatMatrix> case2;  ///< [scans][d], if needed
+  Comparison comparison;             ///< similarity of two descriptors
+  std::string pca_fit;               ///< source of the PCA, for display
+  std::string note;                  ///< if fewer components were kept than requested
   /// Descriptors [n][d] of more features; empty for a PCA that was not written.
   std::function<FloatMatrix(const FeatureFile& features)> of_more;
 };

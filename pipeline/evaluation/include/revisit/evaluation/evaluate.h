@@ -16,67 +16,68 @@
 
 namespace revisit {
 
+/// Settings of an Evaluation. The optional ones replace those of the protocols.
 struct EvaluationOptions {
-  std::vector<std::string> protocols = {"online"};
-  /// Overrides of the protocols.
-  std::optional<Distance> distance;
-  std::optional<double> radius;           ///< [m]
-  std::optional<double> negative_radius;  ///< [m]
-  std::optional<Exclusion> exclusion;
-  std::optional<QueryCase> query_case;
+  std::vector<std::string> protocols = {"online"};  ///< names for make_tasks()
+  std::optional<Distance> distance;                 ///< of MatchRule
+  std::optional<double> radius;                     ///< [m]
+  std::optional<double> negative_radius;            ///< [m]
+  std::optional<Exclusion> exclusion;               ///< temporal neighbors
+  std::optional<QueryCase> query_case;              ///< alignment of the queries
   std::optional<Score> score;  ///< absent: default of the feature and the protocol
 
   int k = 4;                       ///< retrieved scans per query
   int resamples = 1000;            ///< 0: no intervals
   std::optional<Exclusion> block;  ///< bootstrap blocks: blocks_of()
   int threads = 1;                 ///< for retrieval and bootstrap; does not affect the metrics
-  DescribeOptions describe;
-  ReductionOptions reduction;
-  std::filesystem::path cache;
-  bool keep_descriptors = false;  ///< in the cache
+  DescribeOptions describe;        ///< scans to features
+  ReductionOptions reduction;      ///< features to descriptors
+  std::filesystem::path cache;     ///< folder of the features
+  bool keep_descriptors = false;   ///< in the cache
 };
 
 /// Histogram of scores: bin i is [low + i width, low + (i + 1) width).
 struct ScoreHistogram {
-  static constexpr int kBins = 60;
-  double low = 0, width = 0;
-  std::array<int64_t, kBins> of_correct{}, of_incorrect{};
+  static constexpr int kBins = 60;  ///< number of bins
+  double low = 0, width = 0;        ///< lower edge of bin 0, and width of a bin
+  std::array<int64_t, kBins> of_correct{}, of_incorrect{};  ///< counts by label
 };
 
 /// Loops accepted with a threshold that was not chosen on this drive.
 struct AcceptedLoops {
-  double threshold = 0;
-  int64_t correct = 0, ignored = 0, incorrect = 0;
-  int64_t unlabeled = 0;  ///< not in the list of pairs
+  double threshold = 0;                             ///< minimum score
+  int64_t correct = 0, ignored = 0, incorrect = 0;  ///< accepted, by label
+  int64_t unlabeled = 0;                            ///< not in the list of pairs
 };
 
 /// Of queries that are perturbed scans. A neighbor is a correct match other than the original.
 struct PerturbedFigures {
-  Perturbation perturbation;
-  int64_t self = 0;      ///< queries that retrieve their original
-  int64_t neighbor = 0;  ///< of the positives: queries that retrieve a neighbor
+  Perturbation perturbation;  ///< of the queries
+  int64_t self = 0;           ///< queries that retrieve their original
+  int64_t neighbor = 0;       ///< of the positives: queries that retrieve a neighbor
   /// Similarity of the best neighbor / of the best scan of another place; NaN without neighbors.
   double ratio_median = 0, ratio_min = 0;
   int64_t skipped = 0;  ///< match nothing, with similarity 0
 };
 
+/// Result of one task.
 struct TaskResult {
-  Task task;
-  Score score = Score::kMargin;
+  Task task;                     ///< its scans and rule
+  Score score = Score::kMargin;  ///< kind of the scores
   /// In the order of task.queries; empty if the decision is per pair, and for perturbed queries
   std::vector<Match> matches;
-  std::vector<MatchLabel> labels;
-  std::vector<PrPoint> curve;
-  PrSummary summary;
-  std::optional<PrIntervals> intervals;
+  std::vector<MatchLabel> labels;               ///< of `matches`
+  std::vector<PrPoint> curve;                   ///< highest threshold first
+  PrSummary summary;                            ///< metrics of the curve
+  std::optional<PrIntervals> intervals;         ///< absent without resamples
   int64_t n_blocks = 0, n_positive_blocks = 0;  ///< count_blocks()
   std::optional<ScoreHistogram> histogram;      ///< if the decision is per pair
   std::string query_case;                       ///< none, case1, case2 or both
-  std::string pca_fit;
-  int64_t descriptor_dim = 0;
-  std::optional<AcceptedLoops> loops;  ///< in driving order, with a threshold
-  std::optional<PerturbedFigures> perturbed;
-  int64_t n_skipped = 0;  ///< neither stored nor queried
+  std::string pca_fit;                          ///< Descriptors::pca_fit
+  int64_t descriptor_dim = 0;                   ///< dimensions of a descriptor
+  std::optional<AcceptedLoops> loops;           ///< in driving order, with a threshold
+  std::optional<PerturbedFigures> perturbed;    ///< of evaluate_perturbed()
+  int64_t n_skipped = 0;                        ///< neither stored nor queried
 
   /// Per query: score >= threshold of the maximum F1. All false without a threshold.
   std::vector<bool> accepted() const;
@@ -102,8 +103,9 @@ TaskResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
 void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
              const std::function<bool()>& stop);
 
+/// Result of all tasks of a data set.
 struct EvaluationResult {
-  std::vector<TaskResult> tasks;
+  std::vector<TaskResult> tasks;            ///< in the given order
   std::vector<AlignmentRecord> alignments;  ///< per scan, as stored
   std::vector<int64_t> skipped;             ///< rows
   /// Durations. For scans described by an earlier run they are those of that run.
@@ -158,9 +160,10 @@ class Evaluation {
   std::set<std::string> said_;
 };
 
+/// Queries of evaluate_perturbed().
 struct PerturbedQueries {
-  std::vector<Perturbation> perturbations = standard_perturbations();
-  uint32_t seed = 0;
+  std::vector<Perturbation> perturbations = standard_perturbations();  ///< a task each
+  uint32_t seed = 0;                                                   ///< of the perturbations
   int64_t n = 0;                     ///< perturbed scans, evenly spaced in the drive; 0: all
   std::vector<Dataset> distractors;  ///< other places by the same sensor
 };

@@ -16,29 +16,32 @@
 
 namespace revisit {
 
+/// Distance of two scans, by their positions or by other ground truth.
 enum class Distance {
-  kXy,  ///< horizontal in a world with z up: sqrt(dx^2 + dy^2)
-  kXz,  ///< horizontal in KITTI's world, with y down
-  k3d,
+  kXy,     ///< horizontal in a world with z up: sqrt(dx^2 + dy^2)
+  kXz,     ///< horizontal in KITTI's world, with y down
+  k3d,     ///< sqrt(dx^2 + dy^2 + dz^2)
   kBox,    ///< max(|dx|, |dy|, |dz|): the paper's "all three coordinate differences below 3 m"
   kPlace,  ///< 0 between scans of the same named place, else infinite; for data sets without poses
   kPairs,  ///< none: ground truth is a list of pairs (Trajectory::listed)
 };
 /// "xy", "xz", "3d", "box", "place", "pairs"; throws UsageError for anything else.
 Distance parse_distance(const std::string& text);
-const char* name_of(Distance distance);
+const char* name_of(Distance distance);  ///< inverse of parse_distance()
 
 /// A match is correct if its distance is below `radius`, incorrect beyond `negative_radius`, else
 /// neither.
 struct MatchRule {
-  Distance distance = Distance::kXy;
-  double radius = 5;  ///< [m]
+  Distance distance = Distance::kXy;  ///< which distance `radius` limits
+  double radius = 5;                  ///< [m]
   /// [m]; 0 or below the radius: matches that are not correct are incorrect.
   double negative_radius = 0;
-  bool is_correct(double meters) const { return meters < radius; }
+  bool is_correct(double meters) const { return meters < radius; }  ///< nearer than the radius
+  /// Neither correct nor ignored.
   bool is_incorrect(double meters) const { return meters >= radius && meters > negative_radius; }
 };
 
+/// Label of a pair of scans by a MatchRule or a list.
 enum class PairLabel { kCorrect, kIncorrect, kIgnored };
 
 /// Ground truth as a list of pairs, for recordings without poses. A pair is symmetric, but only its
@@ -46,11 +49,12 @@ enum class PairLabel { kCorrect, kIncorrect, kIgnored };
 struct ListedPairs {
   using Places = std::map<int, std::set<int>>;  ///< frame of a query -> frames of its places
   Places correct;                               ///< empty set: the query is known to have no place
-  Places ignored;
+  Places ignored;                               ///< neither correct nor incorrect
   bool complete = false;  ///< true: unlisted queries have no place; false: unknown
 
+  /// The places of the query are known.
   bool knows(int query) const { return complete || correct.contains(query); }
-  std::string text() const;
+  std::string text() const;  ///< all frames; equal lists have equal texts
 };
 
 /// Scans of a data set, in frame order.
@@ -62,6 +66,7 @@ struct Trajectory {
   std::vector<std::string> places;         ///< empty: unknown
   std::optional<ListedPairs> listed;       ///< replaces all other ground truth
   int64_t n_poses = 0;  ///< of the complete drive, as in Dataset; identifies KITTI's sequences
+  /// Number of scans.
   int64_t size() const { return static_cast<int64_t>(frames.size()); }
 };
 
@@ -70,6 +75,7 @@ Trajectory make_trajectory(const Dataset& dataset);
 /// kXz or kXy, by the axes of the poses' world.
 Distance horizontal_distance(const Dataset& dataset);
 
+/// [m]; throws Error for kPlace and kPairs, which need more than positions.
 double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind);
 /// `a` and `b` are rows. Throws Error for kPairs.
 double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind);

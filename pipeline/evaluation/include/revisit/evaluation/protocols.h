@@ -16,6 +16,7 @@ struct TaskQuery {
   int64_t scan = 0;  ///< row of the data set
   /// Ranges before and after the excluded one; the second may be empty.
   std::array<CandidateRange, 2> candidates{};
+  /// Stored scans that may be matched.
   int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
 };
 
@@ -26,9 +27,9 @@ struct Task {
   std::vector<TaskQuery> queries;  ///< by row; only scans with at least one candidate
   std::string definition;          ///< for display and result files
   std::string population;          ///< stored scans and queries, for display
-  bool both_cases = false;
-  MatchRule rule;  ///< default of the protocol; the caller may replace it
-  Exclusion exclusion{Exclusion::Kind::kNone, 0};
+  bool both_cases = false;         ///< queries are described in both alignment cases
+  MatchRule rule;                  ///< default of the protocol; the caller may replace it
+  Exclusion exclusion{Exclusion::Kind::kNone, 0};  ///< temporal neighbors
   /// Unit of precision and recall. True: each pair of a query and a candidate (evaluate_pairs());
   /// false: the best match of each query (precision_recall()).
   bool decides_on_pairs = false;
@@ -41,15 +42,16 @@ struct Task {
   int negatives_per_positive = 0;  ///< random incorrect pairs per correct one; 0: all
 };
 
+/// A published or common way to evaluate.
 struct Protocol {
-  std::string name;
-  std::string definition;
-  std::string source;
+  std::string name;        ///< for make_tasks()
+  std::string definition;  ///< scans and rule, for display
+  std::string source;      ///< publication
 };
 
-/// docs/EVALUATION.md has the formulas.
+/// docs/reference/EVALUATION.md has the formulas.
 const std::vector<Protocol>& protocols();
-std::vector<std::string> protocol_names();
+std::vector<std::string> protocol_names();  ///< of protocols()
 
 /// `paper` returns all of the paper's tasks for the sequence: easy and median for 00, 05, 06; easy,
 /// median and difficult for 08; easy alone for others. Every other protocol has one task. Median,
@@ -74,7 +76,7 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
                              const Trajectory& trajectory,
                              const std::optional<Exclusion>& exclusion = {});
 
-/// Throws UsageError if no stored scan or no query remains.
+/// Removes scans from the stored ones and the queries. Throws UsageError if none of either remains.
 void remove_scans(Task& task, const std::vector<int64_t>& rows);
 
 }  // namespace revisit

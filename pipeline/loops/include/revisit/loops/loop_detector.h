@@ -18,6 +18,7 @@
 
 namespace revisit {
 
+/// Identity of a scan in its drive.
 struct ScanStamp {
   int64_t frame = 0;                      ///< ascends in a drive
   std::optional<double> time;             ///< [s]
@@ -27,6 +28,7 @@ struct ScanStamp {
 /// Entries of a drive that are temporal neighbors of its next scan and excluded from matching.
 class RecentEntries {
  public:
+  /// Begins a drive.
   explicit RecentEntries(const Exclusion& exclusion) : exclusion_(exclusion), driven_(exclusion) {}
   /// Indices of the entries excluded for this scan, whose motion is that of
   /// ExclusionCounter::at(). Throws UsageError if the exclusion needs a time that the scan lacks.
@@ -57,12 +59,13 @@ struct OdometryGate {
 /// "BASE,RATE,HEIGHT", or "none"; throws UsageError for anything else.
 std::optional<OdometryGate> parse_odometry_gate(const std::string& text);
 
+/// Settings of a LoopDetector.
 struct LoopDetectorOptions {
   /// File or server's address of the map (open_map()), of ring descriptors; "": a temporary map.
   /// For other options of a map, pass a Map.
   std::filesystem::path map;
-  std::string drive;  ///< recording in the map; drive_in_map() may add a number
-  Exclusion exclusion;
+  std::string drive;    ///< recording in the map; drive_in_map() may add a number
+  Exclusion exclusion;  ///< temporal neighbors, which are no matches
   /// Selects the scans that become map entries (all scans are queries): "all"; "meters=1", if the
   /// distance from the last keyframe, by the poses, is at least 1 m; "similarity=0.9", if the
   /// similarity to the last keyframe is below 0.9.
@@ -88,6 +91,7 @@ struct LoopDetectorOptions {
   MapStore::Warn warn;
 };
 
+/// Result for one scan.
 struct Detection {
   std::string error;             ///< empty: the scan was described
   std::optional<int64_t> index;  ///< index of the entry; absent: no keyframe
@@ -140,8 +144,8 @@ class LoopDetector {
   /// caller. At least one element, which has no loop if the map is empty.
   std::vector<Detection> locate(const PointsView& points);
 
-  Map& map() const;
-  const std::string& drive() const;
+  Map& map() const;                  ///< the map in use
+  const std::string& drive() const;  ///< name of the recording in the map
   /// True if accepted loops have a pose (Detection::registered).
   bool verifies() const;
   /// Score::kVerified, or MapOptions::score if loops are not registered.

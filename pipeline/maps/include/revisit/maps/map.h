@@ -20,13 +20,14 @@
 
 namespace revisit {
 
+/// Settings of a Map.
 struct MapOptions {
   /// Sensor of a shipped ring model. "" or "auto": that of the map, else choose_ring_model()
   /// decides by the first scan with at least 500 returns; scans before it are not described. Local
   /// maps of any sensor have hdl64 (docs/SLAM.md).
   std::string sensor;
-  MapAccess access = MapAccess::kWrite;
-  int threads = 1;  ///< to describe a scan
+  MapAccess access = MapAccess::kWrite;  ///< to the file
+  int threads = 1;                       ///< to describe a scan
   /// Transforms points of a scan to a frame with x forward, y left and z up (parse_mount()).
   Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();
   /// LoopDetector describes and registers the points of the last meters, accumulated by the scans'
@@ -37,7 +38,7 @@ struct MapOptions {
   /// from the first entries of which this many are distinct, at most five times as many entries,
   /// which are then described again.
   int64_t warmup = 128;
-  int k = 4;
+  int k = 4;  ///< rank of the similarity that a margin score compares with
   /// Absent: the score that the feature was calibrated for. Without a calibration:
   /// Score::kDistinctMargin if similarities of the feature identify equal places, else
   /// Score::kMargin.
@@ -47,24 +48,26 @@ struct MapOptions {
   /// opened, grows with it and is not stored. 0: exhaustive search.
   int64_t hnsw_candidates = 0;
   AlignCase align = AlignCase::kNone;  ///< this and `geometry`: of features of range images
-  ImageGeometry geometry;
+  ImageGeometry geometry;              ///< see `align`
 };
 
+/// The feature of a scan, as Map::query() and Map::add() take it.
 struct Description {
   std::vector<float> feature;  ///< empty if the scan could not be described
-  std::string error;
-  std::string made_by;  ///< FeatureExtractor::key; "": any feature of these dimensions
-  bool described() const { return !feature.empty(); }
+  std::string error;           ///< why the scan could not be described; else ""
+  std::string made_by;         ///< FeatureExtractor::key; "": any feature of these dimensions
+  bool described() const { return !feature.empty(); }  ///< else see `error`
 };
 
+/// A map entry as the match of a query.
 struct Loop {
-  int64_t index = 0;  ///< index in this Map, from 0, in the order of loading or adding
-  int64_t id = 0;     ///< this and the next four as in MapEntry
-  std::string drive;
-  int64_t frame = 0;
-  std::optional<double> time;
-  std::optional<Eigen::Isometry3d> pose;
-  double similarity = 0;
+  int64_t index = 0;           ///< index in this Map, from 0, in the order of loading or adding
+  int64_t id = 0;              ///< this and the next four as in MapEntry
+  std::string drive;           ///< of the entry
+  int64_t frame = 0;           ///< of the entry
+  std::optional<double> time;  ///< [s]
+  std::optional<Eigen::Isometry3d> pose;  ///< T_world_sensor of the entry [m]
+  double similarity = 0;      ///< of the query and the entry, at most 1 for cosines and rings
   double kth_similarity = 0;  ///< k-th highest similarity, or that of the k-th distinct place
   double score = 0;           ///< kind: MapOptions::score, or LoopDetector::score()
   /// Probability that the match is correct, by LoopDetector; absent without a calibration.
@@ -101,7 +104,7 @@ class Map {
       std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Warn& warn = {});
   ~Map();
 
-  Description describe(const PointsView& points) const;
+  Description describe(const PointsView& points) const;  ///< a failure is in Description::error
   /// Adds entries, or none, in one transaction and returns their indices, which follow those of
   /// entries that other processes added before. Each needs MapEntry::feature, of describe(). Also
   /// completes a warm-up that a killed process left unfinished. `made_by`: Description::made_by of
@@ -128,7 +131,7 @@ class Map {
   int64_t size() const;
   /// Number of entries that do not look like the preceding one of their drive.
   int64_t distinct() const;
-  bool is_warmed_up() const;
+  bool is_warmed_up() const;  ///< the descriptor projection is fixed
   /// Without descriptor, feature and cloud.
   MapEntry entry(int64_t index) const;
   /// Entries that were not removed.
@@ -155,12 +158,13 @@ class Map {
 
 /// Candidates of ring descriptors by compact codes. They include every correct best match of an
 /// exhaustive comparison and all of the four best, which make the score, in maps of up to a million
-/// entries (docs/SPEED.md).
+/// entries (docs/reference/SPEED.md).
 inline constexpr int64_t kRingCandidates = 1000;
 
 /// `warn`, or a function that prints to standard error if it is empty.
 MapStore::Warn or_standard_error(const MapStore::Warn& warn);
 
+/// Settings that define the descriptors of a new map.
 MapFingerprint fingerprint_of(const FeatureExtractor& extractor, const MapOptions& options);
 /// MapOptions::local_map [m]
 double local_map_of(const MapFingerprint& fingerprint);

@@ -21,22 +21,24 @@ namespace revisit {
 
 /// An accepted loop from an entry to an earlier one, with its registration.
 struct MapLoop {
-  int64_t place = 0;  ///< id of the earlier entry
-  Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();
+  int64_t place = 0;                                                ///< id of the earlier entry
+  Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();  ///< from query to place [m]
+  /// Registration::information.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
+/// A scan in a map.
 struct MapEntry {
-  int64_t id = 0;  ///< 1, 2, ... in the order of insertion; assigned by the map
-  std::string drive;
-  int64_t frame = 0;
-  std::optional<double> time;             ///< [s]
+  int64_t id = 0;              ///< 1, 2, ... in the order of insertion; assigned by the map
+  std::string drive;           ///< recording that it is from
+  int64_t frame = 0;           ///< ascends in a drive
+  std::optional<double> time;  ///< [s]
   std::optional<Eigen::Isometry3d> pose;  ///< T_world_sensor
-  std::vector<float> descriptor;
+  std::vector<float> descriptor;          ///< [dim], what queries are compared with
   /// Source of the descriptor, which is empty during the warm-up; empty after it.
   std::vector<float> feature;
-  std::string cloud;  ///< compact_cloud(); "": none. Read by MapStore::cloud()
-  std::vector<MapLoop> loops;
+  std::string cloud;                ///< compact_cloud(); "": none. Read by MapStore::cloud()
+  std::vector<MapLoop> loops;       ///< to earlier entries, accepted when it was added
   std::vector<int64_t> questioned;  ///< ids of earlier entries whose loops this one contradicts
 };
 
@@ -51,6 +53,7 @@ const char* name_of(DescriptorType type);
 /// Empty for another name.
 std::optional<DescriptorType> descriptor_type_of(std::string_view name);
 
+/// Position in a map that other processes may change.
 struct MapState {
   int64_t last = 0;      ///< id of the last entry; `after` of the next read()
   int64_t revision = 0;  ///< number of descriptor replacements; if it grows, read again from 0
@@ -65,6 +68,7 @@ class ClaimLost : public Error {
 
 class SqlDriver;
 
+/// Reads or changes an existing map, or creates one, see open_map().
 enum class MapAccess { kRead, kWrite, kNew };
 
 /// Entries of one map (open_map()). Not thread-safe; other threads and processes open the map
@@ -75,16 +79,16 @@ enum class MapAccess { kRead, kWrite, kNew };
 /// another process holds the map, and InputError if the map is corrupt.
 class MapStore {
  public:
-  using Take = std::function<void(MapEntry&&)>;
-  using Warn = std::function<void(const std::string&)>;
+  using Take = std::function<void(MapEntry&&)>;          ///< gets the entries of read()
+  using Warn = std::function<void(const std::string&)>;  ///< gets a message per problem
 
-  MapStore(std::unique_ptr<SqlDriver> driver, MapAccess access);
+  MapStore(std::unique_ptr<SqlDriver> driver, MapAccess access);  ///< open_map() calls it
   ~MapStore();
 
   /// For messages.
   const std::string& name() const;
-  const MapFingerprint& fingerprint() const { return fingerprint_; }
-  DescriptorType descriptor_type() const { return descriptor_type_; }
+  const MapFingerprint& fingerprint() const { return fingerprint_; }   ///< of the header
+  DescriptorType descriptor_type() const { return descriptor_type_; }  ///< as stored
   /// Number of entries, without the removed ones.
   int64_t size() const;
   /// Dimensions of most stored descriptors; absent during the warm-up.
@@ -92,7 +96,7 @@ class MapStore {
 
   /// Named bytes beside the entries. Throws InputError if they are corrupt.
   std::optional<std::string> value(const std::string& name) const;
-  void set_value(const std::string& name, const std::string& bytes);
+  void set_value(const std::string& name, const std::string& bytes);  ///< replaces value()
 
   /// Ignores `id` and returns the assigned ids. All values must be finite. `revision` is the one
   /// that the entries were described for. If the map has another one, nothing is added and the
@@ -148,13 +152,13 @@ class MapStore {
   std::optional<int64_t> claimed_on_;  ///< SqlDriver::connections
 };
 
-/// Values of a map. kVerifiedCalibrationValue is for registered loops (calibration_content()). A
-/// map can do without calibrations.
-inline constexpr const char* kProjectionValue = "projection";
-inline constexpr const char* kCalibrationValue = "calibration";
-inline constexpr const char* kVerifiedCalibrationValue = "verified calibration";
+/// Names of MapStore::value(). A map can do without calibrations, which are calibration_content().
+inline constexpr const char* kProjectionValue = "projection";    ///< Projection::content
+inline constexpr const char* kCalibrationValue = "calibration";  ///< of similarities
+inline constexpr const char* kVerifiedCalibrationValue =
+    "verified calibration";  ///< of registered loops
 
-bool is_server_address(std::string_view where);
+bool is_server_address(std::string_view where);  ///< postgresql://... or postgres://...
 
 /// Name of a map for messages: a server's address without its password.
 std::string display_name(const std::filesystem::path& map);
@@ -163,7 +167,7 @@ std::string display_name(const std::filesystem::path& map);
 /// existing one; kNew requires that the map does not exist. One process can write while any number
 /// read.
 ///
-/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/SERVER.md), which any number
+/// `postgresql://USER@HOST/DATABASE?map=NAME` is a map on a server (docs/MAPS.md), which any number
 /// of processes can write. A lost connection is reopened, for up to 10 s or patience=SECONDS.
 ///
 /// Throws InputError if the file is missing, exists (kNew), is no map, has a corrupt header or
@@ -174,6 +178,7 @@ std::string display_name(const std::filesystem::path& map);
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapFingerprint* fingerprint = nullptr,
                                    DescriptorType format = DescriptorType::kFloat32);
+/// Does not compile, to explain that Map takes the sensor.
 template <std::convertible_to<std::string_view> Sensor>
 void open_map(const std::filesystem::path&, const Sensor&) {
   static_assert(!std::is_same_v<Sensor, Sensor>,
@@ -202,7 +207,7 @@ int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::files
 
 /// FeatureExtractor::key of the features of a map; "" if the map cannot be read.
 std::string feature_key_of(const std::filesystem::path& map);
-std::string feature_key_of(const MapFingerprint& fingerprint);
+std::string feature_key_of(const MapFingerprint& fingerprint);  ///< of these settings
 
 /// Reads the whole map and returns a message for each problem. Throws InputError if the file is
 /// missing, Error if it cannot be opened.

@@ -15,8 +15,9 @@ enum class AlignCase { kNone, kOne, kTwo };  ///< kNone: points unchanged
 
 /// Parses "none", "case1" or "case2"; throws UsageError for anything else.
 AlignCase parse_align_case(const std::string& text);
-const char* name_of(AlignCase mode);
+const char* name_of(AlignCase mode);  ///< inverse of parse_align_case()
 
+/// Rotation of a scan to its principal directions.
 struct Alignment {
   Eigen::Matrix3f R_aligned_sensor =
       Eigen::Matrix3f::Identity();                        ///< rows: x', y', z' in the sensor frame
@@ -32,7 +33,7 @@ struct Alignment {
 /// alignment of case 1. Throws InputError if fewer than 3 points are usable or all are equal.
 Alignment principal_alignment(const PointCloud& cloud, AlignCase which = AlignCase::kOne);
 
-PointCloud rotated(const PointCloud& cloud, const Eigen::Matrix3f& R);
+PointCloud rotated(const PointCloud& cloud, const Eigen::Matrix3f& R);  ///< R times each point
 
 /// Parses "roll,pitch,yaw,x,y,z" in degrees and meters: the transform from the scan's frame to a
 /// frame with x forward, y left and z up. It rotates about the x, y and z axis, in this order, then

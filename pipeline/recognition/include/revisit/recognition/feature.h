@@ -27,18 +27,20 @@ using FeatureMaker = std::function<FeatureFunction<Input>()>;
 /// Descriptor projection estimated from features, and the comparison of descriptors.
 struct Projection {
   int64_t dim = 0;  ///< dimensions of a descriptor
+  /// Projects a feature to a descriptor [dim].
   std::function<void(std::span<const float> feature, std::span<float> descriptor)> describe;
-  Comparison comparison;
-  std::string content;  ///< serialized form, for FeatureExtractor::open_projection()
+  Comparison comparison;  ///< of descriptors
+  std::string content;    ///< serialized form, for FeatureExtractor::open_projection()
 };
 /// Estimates a projection from the rows `fit_rows` of some features.
 using FitProjection =
     std::function<Projection(const Rows& features, std::span<const int64_t> fit_rows)>;
 
+/// A method that computes features of scans or images.
 struct FeatureExtractor {
   std::string name;  ///< human-readable: "conv3+pool5", "data"
   std::string key;   ///< identifies everything that the values depend on besides the input
-  int64_t dim = 0;
+  int64_t dim = 0;   ///< floats of a feature
   /// Input of the feature: range image of the aligned points, aligned points, or camera image.
   std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
   Comparison comparison;         ///< features, or descriptors if `fit_projection` is set
@@ -47,8 +49,9 @@ struct FeatureExtractor {
       open_projection;  ///< reads Projection::content
   /// Scores a match by the best similarity, a probability, instead of by Score::kMargin.
   bool similarity_is_probability = false;
-  std::optional<Calibration> calibration;
+  std::optional<Calibration> calibration;  ///< of its scores; absent: none is known
 
+  /// The input is of this type.
   template <class Input>
   bool sees() const {
     return std::holds_alternative<FeatureMaker<Input>>(make);

@@ -67,9 +67,9 @@ class FeatureFile {
   /// InputError for anything else.
   explicit FeatureFile(std::filesystem::path file);
 
-  int64_t n() const { return n_; }
-  int64_t d() const { return d_; }
-  const std::filesystem::path& path() const { return file_; }
+  int64_t n() const { return n_; }                             ///< number of features
+  int64_t d() const { return d_; }                             ///< dimensions of a feature
+  const std::filesystem::path& path() const { return file_; }  ///< the mapped file
   /// Feature [d]. Valid while this object lives and the file is not changed.
   std::span<const float> row(int64_t i) const {
     return {data_.get() + i * stride_, static_cast<size_t>(d_)};
@@ -103,8 +103,9 @@ class FeatureFile {
 /// Files of one dimension; rows count through all. A second file may hold alignment case 2.
 using FeatureFiles = std::vector<const FeatureFile*>;
 
+/// Settings of fit_pca().
 struct PcaOptions {
-  int64_t components = 400;
+  int64_t components = 400;  ///< maximum number kept
   /// Rows that mean and directions are estimated from, e.g. the map's scans; empty: all.
   std::vector<int64_t> fit_rows;
   /// [bytes] upper bound of the working memory, without the result.
@@ -116,6 +117,7 @@ struct PcaOptions {
   std::function<bool()> stop;                                 ///< true: throw Interrupted
 };
 
+/// Descriptors by principal components.
 struct PcaResult {
   FloatMatrix descriptors;  ///< [n][rank], neither whitened nor normalized
   int64_t rank = 0;         ///< components kept: at most options.components, fitted rows - 1 and d
@@ -143,6 +145,7 @@ struct PcaResult {
 /// Interrupted.
 PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options = {});
 
+/// Eigenvalues below this fraction of the largest are dropped.
 inline constexpr double kRankTolerance = 1e-6;
 
 /// Folder with `mean.npy` [d] and `basis.npy` [k][d] (orthonormal rows).
@@ -150,8 +153,8 @@ class PcaModel {
  public:
   /// Throws InputError for missing or mismatched files or a NaN mean; project() checks the basis.
   explicit PcaModel(const std::filesystem::path& folder);
-  int64_t components() const { return basis_.n(); }
-  int64_t dim() const { return basis_.d(); }
+  int64_t components() const { return basis_.n(); }  ///< k
+  int64_t dim() const { return basis_.d(); }         ///< d
   /// Computes descriptors [n][k] = (x - mean) basis^T of all rows. Of `options` it uses components
   /// (at most those of the model; fewer keep the first ones), memory, threads, progress and stop.
   /// Throws InputError if the features have another dimension or are not finite; Interrupted.

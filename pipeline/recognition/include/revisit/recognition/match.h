@@ -11,6 +11,7 @@
 
 namespace revisit {
 
+/// Confidence of a match, which thresholds are compared with.
 enum class Score {
   /// 2 c1 - ck: the best's similarity plus its margin to the k-th (paper, section III-D).
   kMargin,
@@ -33,38 +34,40 @@ const char* name_of(Score score);
 
 /// Indices count from 0: map entries for a PlaceIndex, rows of the data set for the evaluation.
 struct Match {
-  int64_t query = 0;
+  int64_t query = 0;  ///< row of the query
   /// Map entries, best first: min(k, candidates). For Score::kDistinctMargin, distinct places only;
   /// if fewer than k are distinct, the last entry examined is appended.
   std::vector<int64_t> ranks;
   std::vector<double> similarities;  ///< [ranks], non-increasing; cosines by default
-  double score = 0;
-  int which_case = 1;  ///< alignment case of the query's best descriptor: 1 or 2
+  double score = 0;                  ///< SearchOptions::score
+  int which_case = 1;                ///< alignment case of the query's best descriptor: 1 or 2
   /// yaw(query) - yaw(best), counter-clockwise [rad], if the descriptors determine it.
   std::optional<double> relative_yaw = {};
 };
 
 /// Excludes temporal neighbors: a candidate must be MORE than `amount` away to be a revisit.
 struct Exclusion {
+  /// What is measured between two scans.
   enum class Kind {
-    kNone,
+    kNone,     ///< nothing: no scan is excluded
     kFrames,   ///< difference of frame indices
     kSeconds,  ///< difference of time stamps [s]
     kMeters,   ///< path length between the two [m], by poses or else by registered motion
   };
-  Kind kind = Kind::kMeters;
-  double amount = 30;
+  Kind kind = Kind::kMeters;  ///< what `amount` limits
+  double amount = 30;         ///< [frames], [s] or [m]
   bool operator==(const Exclusion&) const = default;
 };
 /// Parses "frames=50", "seconds=30", "meters=50" or "none". Throws UsageError,
 /// prefixed by `what`.
 Exclusion parse_exclusion(const std::string& text, const char* what = "exclusion");
-std::string to_string(const Exclusion& exclusion);
+std::string to_string(const Exclusion& exclusion);  ///< inverse of parse_exclusion()
 
 /// Measures a drive. A halt has no length: the path in meters is that between positions at least
 /// 0.5 m apart.
 class ExclusionCounter {
  public:
+  /// Begins a drive.
   explicit ExclusionCounter(const Exclusion& exclusion) : exclusion_(exclusion) {}
   /// Distance of the next scan along the drive, in frames, seconds or meters. `registered`: motion
   /// since the scan before [m], for scans without a position. If both are absent, a scan counts as
@@ -82,8 +85,8 @@ class ExclusionCounter {
 
 /// Map entries that a query may return, [begin, end). Entries in no range are excluded.
 struct CandidateRange {
-  int64_t begin = 0, end = 0;
-  int64_t size() const { return end - begin; }
+  int64_t begin = 0, end = 0;                   ///< indices
+  int64_t size() const { return end - begin; }  ///< number of entries
 };
 
 /// Proposes map entries. It may miss some; an exact comparison follows.
@@ -92,7 +95,7 @@ class CandidateSource {
   virtual ~CandidateSource() = default;
   /// Entries are 0 to size() - 1.
   virtual int64_t size() const = 0;
-  virtual void add(std::span<const float> descriptor) = 0;
+  virtual void add(std::span<const float> descriptor) = 0;  ///< the next entry
   /// Writes distinct entries to `places`, in any order: the `count` of `among` most similar to
   /// `query`, or fewer if it finds fewer. `among` is ascending, without empty ranges, within
   /// size(). Must be thread-safe. `threads` are used by this call and do not change the result.
@@ -100,6 +103,7 @@ class CandidateSource {
                     int64_t count, int threads, std::vector<int64_t>& places) const = 0;
 };
 
+/// How descriptors are compared.
 struct Comparison {
   /// Larger is more similar. One call has all candidates of a query, because a probability over
   /// places needs them together. Must be thread-safe. Empty: cosine.
@@ -116,6 +120,7 @@ struct Comparison {
   std::function<std::unique_ptr<CandidateSource>()> make_codes;
   int64_t candidates = 0;  ///< number of candidates preselected by the codes; 0: all places
 
+  /// Similarity of two descriptors.
   double similarity_of(std::span<const float> a, std::span<const float> b) const;
 };
 

@@ -10,21 +10,24 @@ namespace revisit {
 
 /// Accessor for rows of floats `[n][d]` in any storage.
 struct Rows {
-  int64_t n = 0, d = 0;
-  std::function<std::span<const float>(int64_t)> row;
+  int64_t n = 0, d = 0;                                ///< rows and columns
+  std::function<std::span<const float>(int64_t)> row;  ///< [d] of a row
 };
 
 /// One descriptor per row; row i is scan i of the data set.
 struct FloatMatrix {
-  int64_t n = 0, d = 0;
+  int64_t n = 0, d = 0;       ///< rows and columns
   std::vector<float> values;  ///< [n][d], C order
 
   FloatMatrix() = default;
+  /// Zeros.
   FloatMatrix(int64_t rows, int64_t columns)
       : n(rows), d(columns), values(static_cast<size_t>(rows * columns)) {}
+  /// Row i [d].
   std::span<const float> row(int64_t i) const {
     return {values.data() + i * d, static_cast<size_t>(d)};
   }
+  /// Row i [d].
   std::span<float> row(int64_t i) { return {values.data() + i * d, static_cast<size_t>(d)}; }
   /// Refers to this matrix.
   Rows rows() const {
@@ -45,6 +48,7 @@ double cosine(std::span<const float> a, double length_a, std::span<const float> 
 /// C [m][n] = A [m][k] B^T, B [n][k]; row-major with row strides `lda`, `ldb`, `ldc`.
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda,
                          const float* b, int64_t ldb, float* c, int64_t ldc);
+/// As above, in double.
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64_t lda,
                          const double* b, int64_t ldb, double* c, int64_t ldc);
 

@@ -5,12 +5,13 @@
 
 namespace revisit {
 
+/// A library that a build may lack.
 struct OptionalLibrary {
   std::string_view name;     ///< "PCL"
   std::string_view package;  ///< Debian package, e.g. "libpcl-dev"
   std::string_view option;   ///< CMake option, e.g. "REVISIT_PCL"
   std::string_view use;      ///< features that need it
-  bool built_in;
+  bool built_in;             ///< this build has it
 };
 
 /// Returns the table of pipeline/CMakeLists.txt.

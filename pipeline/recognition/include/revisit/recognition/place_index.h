@@ -15,8 +15,9 @@
 
 namespace revisit {
 
+/// A query of PlaceIndex::best_of_many().
 struct Query {
-  std::span<const float> descriptor;
+  std::span<const float> descriptor;           ///< [dim]
   std::span<const CandidateRange> candidates;  ///< ascending, without overlap
 };
 
@@ -24,10 +25,11 @@ struct Query {
 /// does not hide the others. Each takes up to k - 1 comparisons.
 inline constexpr int64_t kMaxExamined = 1000;
 
+/// Settings of a search.
 struct SearchOptions {
-  int k = 4;  ///< number of places returned; with fewer candidates, all of them
-  Score score = Score::kMargin;
-  int threads = 1;  ///< does not change the result
+  int k = 4;                     ///< number of places returned; with fewer candidates, all of them
+  Score score = Score::kMargin;  ///< kind of Match::score
+  int threads = 1;               ///< does not change the result
   /// For best_of_many(), between queries:
   std::function<void(int64_t done, int64_t total)> progress = {};
   std::function<bool()> stop = {};  ///< true: throw Interrupted
@@ -45,21 +47,23 @@ struct SearchOptions {
 /// everything.
 class PlaceIndex {
  public:
+  /// Empty, for descriptors of `dim` dimensions.
   explicit PlaceIndex(int64_t dim, Comparison comparison = {});
 
-  int64_t size() const { return size_; }
+  int64_t size() const { return size_; }  ///< number of entries
   /// Copies `descriptor` [dim]. If a source proposes candidates (Comparison::candidates), all
   /// but the last thousand go to a temporary file, if one can be created. Throws UsageError for a
   /// wrong size or a value that is not finite.
   void add(std::span<const float> descriptor);
   /// Adds a view of `descriptor`, which must outlive the index.
   void add_view(std::span<const float> descriptor);
-  std::vector<float> descriptor(int64_t place) const;
+  std::vector<float> descriptor(int64_t place) const;  ///< [dim], a copy
+  /// Similarity of `descriptor` [dim] to an entry.
   double similarity(std::span<const float> descriptor, int64_t place) const;
   /// yaw(descriptor) - yaw(place), CCW [rad], if descriptors determine it.
   std::optional<double> relative_yaw(std::span<const float> descriptor, int64_t place) const;
 
-  bool by_cosine() const { return !comparison_.similarity; }
+  bool by_cosine() const { return !comparison_.similarity; }  ///< no other Comparison was given
 
   /// Sets the source that proposes `count` candidates per query; later entries are added to it,
   /// too. The source must have all entries of the index. Throws UsageError if its size differs, and

@@ -23,8 +23,8 @@ inline bool is_return(const Point& point) {
 
 /// Points of one revolution of the sensor, including those without a return.
 struct PointCloud {
-  std::vector<Point> points;
-  std::vector<float> times;  ///< [points], relative to the scan's stamp [s]; empty: unknown
+  std::vector<Point> points;  ///< in the order of the file
+  std::vector<float> times;   ///< [points], relative to the scan's stamp [s]; empty: unknown
 };
 
 /// `[points][4]`: x, y, z, intensity.
@@ -41,18 +41,19 @@ inline const float* as_floats(const PointCloud& cloud) {
 ///   pcl::PointCloud<pcl::PointXYZ> c; PointsView{c.data(), c.size(), sizeof(pcl::PointXYZ)}
 ///   Eigen::Matrix3Xf p;               PointsView{p.data(), size_t(p.cols()), 3 * sizeof(float)}
 struct PointsView {
-  const void* data = nullptr;
-  size_t count = 0;
-  size_t stride = sizeof(Point);
+  const void* data = nullptr;                              ///< first point
+  size_t count = 0;                                        ///< number of points
+  size_t stride = sizeof(Point);                           ///< [bytes] from one point to the next
   size_t x = 0, y = sizeof(float), z = 2 * sizeof(float);  ///< offsets in a point [bytes]
   bool is_double = false;                                  ///< of the coordinates
 };
 
+/// View of all points, valid while `cloud` is unchanged.
 inline PointsView view_of(const PointCloud& cloud) {
   return {cloud.points.data(), cloud.points.size()};
 }
 
-/// Of the points of KISS-ICP and others.
+/// View of the points of KISS-ICP and others.
 inline PointsView view_of(std::span<const Eigen::Vector3d> points) {
   constexpr size_t kBytes = sizeof(double);
   return {points.data(), points.size(), sizeof(Eigen::Vector3d), 0, kBytes, 2 * kBytes, true};

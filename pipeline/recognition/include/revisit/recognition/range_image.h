@@ -26,11 +26,13 @@ std::array<int, 2> closing_rectangle(const ImageGeometry& geometry);
 /// +180 deg); azimuth decreases with the column. A yaw of +360/width deg moves every pixel one
 /// column to the left, with wrap-around. Row 0 is the top.
 struct RangeImage {
-  int width = 0, height = 0;
+  int width = 0, height = 0;  ///< [pixels]
   std::vector<float> pixels;  ///< [height][width]
   int64_t returns = 0;        ///< of the cloud
   int64_t outside = 0;        ///< returns above or below the image, which no pixel shows
+  /// Pixel, unchecked.
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
+  /// Fraction of the returns outside the image, 0 to 1.
   double outside_share() const {
     return returns ? static_cast<double>(outside) / static_cast<double>(returns) : 0;
   }
@@ -60,24 +62,25 @@ void project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sen
 RangeImage close_holes(RangeImage image, const ImageGeometry& geometry);
 
 /// Image geometry is 4000 x 112 for all sensors, so that a network has one feature size.
-/// docs/FORMATS.md has the table and its sources.
+/// docs/reference/FORMATS.md has the table and its sources.
 struct Sensor {
-  std::string name;  ///< key of sensor_geometry(), e.g. "ouster-os1-128"
-  std::string model;
+  std::string name;            ///< key of sensor_geometry(), e.g. "ouster-os1-128"
+  std::string model;           ///< maker and model, for display
   int beams = 0;               ///< 0: no fixed beams
   double top = 0, bottom = 0;  ///< elevations of the outermost beams, or of the field of view [deg]
-  ImageGeometry image;
+  ImageGeometry image;         ///< for its scans
 };
 /// No beam lies on an image's edge; hole closing bridges most neighboring beams.
 const std::vector<Sensor>& sensors();
 
 /// Throws UsageError with the most similar name.
 ImageGeometry sensor_geometry(const std::string& sensor);
-std::vector<std::string> sensor_names();
+std::vector<std::string> sensor_names();  ///< of sensors()
 
+/// Sensor of some scans, as far as they show it.
 struct SensorFound {
-  std::string name;  ///< a name in sensors(); "": unknown, `image` then fits the beams
-  ImageGeometry image;
+  std::string name;     ///< a name in sensors(); "": unknown, `image` then fits the beams
+  ImageGeometry image;  ///< for its scans
   std::vector<double> elevations;  ///< of the beams [deg], top first; empty: cannot be separated
   double top = 0, bottom = 0;      ///< [deg], limits of 99 % of the returns
   double inside = 0;               ///< fraction of the returns inside the image
@@ -87,10 +90,12 @@ struct SensorFound {
 /// smeared, by point order as in KITTI.
 SensorFound find_beams(const std::vector<PointCloud>& scans);
 
+/// Finds the sensor by its beams, else by its field of view.
 SensorFound find_sensor(const std::vector<PointCloud>& scans);
 
+/// An image of one byte per pixel.
 struct GrayImage {
-  int width = 0, height = 0;
+  int width = 0, height = 0;    ///< [pixels]
   std::vector<uint8_t> pixels;  ///< [height][width]; row 0 is the top
 };
 

@@ -17,15 +17,16 @@ namespace revisit {
 
 /// An entry of a PlaceIndex as a scan of a drive.
 struct DriveScan {
-  std::string drive;
-  int64_t frame = 0;
+  std::string drive;                      ///< recording that it is from
+  int64_t frame = 0;                      ///< ascends in the drive
   std::optional<Eigen::Isometry3d> pose;  ///< T_world_sensor [m]
 };
 
+/// Median of the numbers so far.
 class RunningMedian {
  public:
-  void add(double number);
-  double value() const { return lower_.empty() ? 0 : lower_.top(); }
+  void add(double number);                                            ///< takes O(log n)
+  double value() const { return lower_.empty() ? 0 : lower_.top(); }  ///< 0 if empty
 
  private:
   std::priority_queue<double> lower_;  ///< same size as upper_, or one more
@@ -40,17 +41,18 @@ class RunningMedian {
 /// the entries matters.
 class Stretches {
  public:
+  /// `same_place`: Comparison::same_place.
   explicit Stretches(double same_place) : same_place_(same_place) {}
 
   /// Adds the entries of `index` from size() on. Those of a drive count in the order of their
   /// frames, also if several processes added them.
   void add(std::span<const DriveScan> scans, const PlaceIndex& index);
-  int64_t size() const { return std::ssize(of_entry_); }
-  bool is_long(int64_t entry) const;
+  int64_t size() const { return std::ssize(of_entry_); }  ///< entries added
+  bool is_long(int64_t entry) const;                      ///< its stretch is much longer than usual
   /// Entries of its stretch, ascending; empty for an entry that was not added yet.
   std::span<const int64_t> around(int64_t entry) const;
-  std::vector<int64_t> near(int64_t entry) const;
-  int64_t count() const { return std::ssize(stretches_); }
+  std::vector<int64_t> near(int64_t entry) const;           ///< of its stretch and those beside it
+  int64_t count() const { return std::ssize(stretches_); }  ///< stretches
 
  private:
   static constexpr double kLong = 5;

@@ -21,10 +21,10 @@ struct RegistrationOptions {
   double max_range = 60;    ///< farther points are ignored; at most 200 [m]
   /// Search radius for the initial shift, along x and y, 0 to 20 [m]
   double search_radius = 6;
-  double max_distance = 1;       ///< maximum correspondence distance of GICP [m]
-  double inlier_distance = 0.3;  ///< [m]
-  double min_inlier_ratio = 0.4;
-  double min_constraint = 0.02;
+  double max_distance = 1;        ///< maximum correspondence distance of GICP [m]
+  double inlier_distance = 0.3;   ///< maximum distance of an inlier [m]
+  double min_inlier_ratio = 0.4;  ///< of Registration::inlier_ratio, to fit
+  double min_constraint = 0.02;   ///< of Registration::constraint, to fit
 };
 
 /// A downsampled scan with its search tree and surface normals, for use as query or place. Copies
@@ -45,6 +45,7 @@ class PreparedScan {
   std::shared_ptr<const Parts> parts_;
 };
 
+/// Relative pose of a query to a place.
 struct Registration {
   /// Transforms points from the query's sensor frame to the place's (x forward, y left, z up) [m].
   Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();

@@ -19,11 +19,12 @@ using RingLayout = std::vector<int>;
 int64_t dim_of(const RingLayout& layout);
 
 /// Compares a query with many places by the maximum of the circular correlation over 360 yaw angles
-/// (docs/METHODS.md, eq. 6). The similarity is 0 for a zero descriptor.
+/// (docs/reference/METHODS.md, eq. 6). The similarity is 0 for a zero descriptor.
 /// Candidates may be preselected by compact codes: 128 complex coefficients of a descriptor, one
 /// byte each, compared at 32 yaw angles. Throws UsageError for more frequencies than rings have.
 Comparison ring_comparison(const RingLayout& layout, int64_t candidates = 0);
 
+/// Settings of ring descriptors.
 struct RingOptions {
   int dim = 1024;  ///< dimensions of a descriptor, half of them for each ring
   /// Added to the total covariance, in units of its mean eigenvalue. A larger value gives
@@ -36,10 +37,10 @@ struct RingOptions {
 
 /// Projects the ring descriptors of a scan, a feature of ring_features(), to the vector that is
 /// stored and compared. Where something was seen, the map mean is subtracted. Each frequency is
-/// projected onto directions that agree only between scans of one place (LDA, docs/METHODS.md).
-/// RingModel::cnn_weight weights the two rings. The length is 1; parts that were not seen
-/// contribute 0. `model` must be fitted to the map by fit_to_map(). Throws UsageError for invalid
-/// options.
+/// projected onto directions that agree only between scans of one place (LDA,
+/// docs/reference/METHODS.md). RingModel::cnn_weight weights the two rings. The length is 1; parts
+/// that were not seen contribute 0. `model` must be fitted to the map by fit_to_map(). Throws
+/// UsageError for invalid options.
 Projection ring_projection(const RingModel& model, const RingOptions& options = {});
 
 /// Geometry of the range image for rings: 1024 columns, one row per beam (at most 64), small holes
