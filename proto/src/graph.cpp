@@ -264,7 +264,7 @@ bool shares_memory(const caffe::LayerParameter& layer) {
       if (order[i] != static_cast<uint32_t>(i)) return false;
     return true;
   }
-  return type == "Split" || type == "Flatten" || type == "Reshape";
+  return type == "Split" || type == "Flatten" || type == "Reshape" || type == "Squeeze";
 }
 
 Graph resolve(const caffe::NetParameter& net) {

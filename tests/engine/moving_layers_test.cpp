@@ -27,6 +27,17 @@ TEST(Reshape, CopiesInfersAndInserts) {
   EXPECT_EQ(reshaped("", Shape{1, 1}), Shape{});
 }
 
+TEST(Squeeze, RemovesAxesOfSizeOne) {
+  const auto squeezed = [](const std::string& axes) {
+    return layer_of("Squeeze", "squeeze_param { " + axes + " }")->infer({Shape{1, 3, 1, 4}}, 1)[0];
+  };
+  EXPECT_EQ(squeezed(""), (Shape{3, 4}));
+  EXPECT_EQ(squeezed("axis: 2"), (Shape{1, 3, 4}));
+  EXPECT_EQ(squeezed("axis: -2 axis: 0"), (Shape{3, 4}));
+  expect_error<InputError>([&] { squeezed("axis: 1"); }, {"axis 1", "1x3x1x4", "size 1"});
+  expect_error<InputError>([&] { squeezed("axis: 4"); }, {"squeeze axis"});
+}
+
 TEST(Reshape, RejectsUnequalElementCounts) {
   const Shape input{2, 3, 4};
   const auto refused = [&](const std::string& param, const std::string& reason) {

@@ -32,7 +32,7 @@ TEST(SharedMemory, IsReadAfterALayerInPlace) {
   // Caffe's results.
   EXPECT_EQ(outputs_of(kX + kSplit + kReluOnA + layer("sum", "Eltwise", {"a", "b"})).at("sum"),
             (Numbers{0, 4, 0, 8}));
-  for (const char* const type : {"Flatten", "Reshape", "Concat", "Slice", "Permute"}) {
+  for (const char* const type : {"Flatten", "Reshape", "Squeeze", "Concat", "Slice", "Permute"}) {
     const std::string param =
         type == std::string("Reshape") ? "reshape_param { shape { dim: 2 dim: 2 } }" : "";
     EXPECT_EQ(outputs_of(kX + layer("a", type, {"x"}, param) + kReluOnA +

@@ -526,6 +526,14 @@ void flatten(Builder& b, const char* type) {
             b.random.chance(0.6) ? -1 : b.random.between(axis, signed_rank(b.shape(x)) - 1), " }"));
 }
 
+void squeeze(Builder& b, const char* type) {
+  const size_t x = b.of_rank(2);
+  std::string text;
+  for (size_t i = 0; i < b.shape(x).rank(); ++i)
+    if (b.shape(x)[i] == 1 && b.random.chance(0.7)) text += str(" axis: ", i);
+  if (!text.empty()) b.add(type, {x}, "squeeze_param {" + text + " }");
+}
+
 void reshape(Builder& b, const char* type) {
   const size_t x = b.of_rank(1);
   const std::vector<int64_t>& axes = b.shape(x).axes();
@@ -921,6 +929,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"SoftmaxWithLoss", 1, softmax_with_loss},
       {"Split", 4, split},
       {"SPP", 1, spp},
+      {"Squeeze", 2, squeeze},
       {"Swish", 2, swish},
       {"TanH", 2, elementwise},
       {"Threshold", 1, threshold},

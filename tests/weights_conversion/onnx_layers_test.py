@@ -44,6 +44,11 @@ LAYERS = {
     'lstm of rows': ((6, 4), 'Lstm', 'lstm_param { num_output: 6 batch_size: 2 }', [numbers(24, 4), numbers(24, 6), numbers(24)]),
     'shuffled channels': ((2, 6, 4, 5), 'ShuffleChannel', 'shuffle_channel_param { group: 3 }', []),
     'flatten in the middle': ((2, 3, 4, 5), 'Flatten', 'flatten_param { axis: 1 end_axis: 2 }', []),
+    'convolution with pads of sides': ((1, 2, 6, 7), 'Convolution', 'convolution_param { num_output: 3 kernel_size: 3 stride: 2 pad_r: 1 pad_t: 2 }',
+                                       [numbers(3, 2, 3, 3), numbers(3)]),
+    'deconvolution with pads of sides': ((1, 2, 4, 5), 'Deconvolution', 'convolution_param { num_output: 3 kernel_size: 3 stride: 2 pad_r: 1 pad_t: 1 }',
+                                         [numbers(2, 3, 3, 3), numbers(3)]),
+    'squeeze': ((2, 1, 3, 1), 'Squeeze', 'squeeze_param { axis: 1 axis: -1 }', []),
     'reshape in the middle': ((2, 6, 4, 5), 'Reshape', 'reshape_param { shape { dim: 3 dim: -1 } axis: 1 num_axes: 1 }', []),
     'normalized pixels': ((2, 3, 4, 5), 'Normalize', 'norm_param { across_spatial: false channel_shared: false }', [numbers(3)]),
     'normalized images': ((2, 3, 4, 5), 'Normalize', '', [np.float32(1.5)]),
@@ -206,21 +211,22 @@ class Layers(ConversionTest):
 
     def test_pooling_at_every_size(self):
         text = input_layer(1, 2, 12, 17)
-        windows = [(k, s, p) for k in (1, 2, 3, 5) for s in (1, 2, 3, 4) for p in (0, 1, 2) if p < k]
-        for i, (k, s, p) in enumerate(windows):
-            for pool, mode in (('MAX', 'CEIL'), ('AVE', 'CEIL'), ('AVE', 'FLOOR')):
+        windows = [(k, s, f'pad: {p}') for k in (1, 2, 3, 5) for s in (1, 2, 3, 4) for p in (0, 1, 2) if p < k]
+        windows += [(k, s, f'pad_l: {l} pad_t: {l} pad_r: {r} pad_b: {r}') for k in (2, 3, 5) for s in (1, 2, 4) for l, r in ((0, 1), (1, 0))]
+        modes = (('MAX', 'CEIL'), ('AVE', 'CEIL'), ('AVE', 'FLOOR'), ('AVE_EXC_PAD', 'CEIL'), ('AVE_EXC_PAD', 'FLOOR'))
+        for i, (k, s, pads) in enumerate(windows):
+            for pool, mode in modes:
                 text += layer(f'{pool}_{mode}_{i}', 'Pooling', parameters=f'pooling_param {{ pool: {pool} kernel_size: {k} stride: {s} '
-                                                                           f'pad: {p} round_mode: {mode} }}')
+                                                                           f'{pads} round_mode: {mode} }}')
         prototxt, _ = self.net(text, {})
         self.convert('onnx', prototxt, self.path('net.onnx'), '--no-check')
         model = onnx_export.Model(str(self.path('net.onnx')))
         names = model.output_names()
-        self.assertEqual(len(names), 3 * len(windows))
+        self.assertEqual(len(names), len(modes) * len(windows))
         for size in ((12, 17), (5, 6), (7, 8), (9, 10), (13, 11), (16, 19)):
             inputs = {'data': numbers(2, 2, *size)}
             expected = engine.forward(prototxt, None, inputs)
             found = model.run(inputs, names)
             for name in names:
-                k, s, p = windows[int(name.rsplit('_', 1)[1])]
-                with self.subTest(name, size=size, kernel=k, stride=s, pad=p):
+                with self.subTest(name, size=size, window=windows[int(name.rsplit('_', 1)[1])]):
                     self.assertLess(compare.difference(found[name], expected[name]), 1e-6)

@@ -1,3 +1,5 @@
+#include <set>
+
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -83,6 +85,29 @@ class Reshape : public ReshapingLayer {
   caffe::ReshapeParameter param_;
 };
 
+/// Removes axes of size 1: the given ones, or all.
+class Squeeze : public ReshapingLayer {
+ public:
+  explicit Squeeze(const caffe::SqueezeParameter& param) : param_(param) {}
+
+  Shape output_shape(const Shape& input) const override {
+    std::set<size_t> removed;
+    for (const int axis : param_.axis()) {
+      const size_t at = input.canonical_axis(axis, "squeeze axis");
+      if (input[at] != 1)
+        throw InputError("axis ", axis, " of the input (", input, ") must have size 1");
+      removed.insert(at);
+    }
+    std::vector<int64_t> axes;
+    for (size_t i = 0; i < input.rank(); ++i)
+      if (param_.axis().empty() ? input[i] != 1 : !removed.contains(i)) axes.push_back(input[i]);
+    return Shape(std::move(axes));
+  }
+
+ private:
+  caffe::SqueezeParameter param_;
+};
+
 class Identity : public ViewLayer<Layer> {
  public:
   explicit Identity(const caffe::LayerParameter& param) : is_split_(param.type() == "Split") {
@@ -135,6 +160,7 @@ constinit const LayerEntries kReshapeLayers = {
     {"Reshape", make<Reshape, &Parameters::reshape_param>, "Caffe", "changes the shape"},
     {"Silence", make<Silence>, "Caffe", "discards its inputs"},
     {"Split", make_identity, "Caffe", "copies of the input"},
+    {"Squeeze", make<Squeeze, &Parameters::squeeze_param>, "Synopsys", "removes axes of size 1"},
 };
 
 }  // namespace revisit::engine

@@ -27,6 +27,14 @@ def _flatten(g, site):
     return [g.reshape(site.x[0], *[0] * first, -1, *rest)]
 
 
+def _squeeze(g, site):
+    p, shape = site.message.squeeze_param, site.shapes[0]
+    if not p.axis and not site.fixed:
+        site.refuse('without an axis the result depends on the input size; export with --fixed')
+    axes = [site.axis(axis) for axis in p.axis] or [i for i, size in enumerate(shape) if size == 1]
+    return [g.node('Squeeze', site.x[0], g.integers(*sorted(set(axes))))] if axes else [g.node('Identity', site.x[0])]
+
+
 def _reshape(g, site):
     p, rank = site.message.reshape_param, len(site.shapes[0])
     first = p.axis if p.axis >= 0 else rank + p.axis + 1  # -1 is the position after the last axis
@@ -191,6 +199,6 @@ EMIT = {
     'ArgMax': _argmax, 'BatchReindex': _batch_reindex, 'Concat': _concat, 'Crop': _crop, 'CropCenter': _crop_center,
     'DummyData': _constants, 'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Flip': _flip, 'Interp': _interp, 'Parameter': _parameter,
     'Permute': _permute, 'PriorBox': _prior_box, 'PriorBoxClustered': _prior_box, 'Reorg': _reorg,
-    'Reshape': _reshape, 'Reverse': _reverse, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Tile': _tile,
+    'Reshape': _reshape, 'Reverse': _reverse, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Squeeze': _squeeze, 'Tile': _tile,
     'Transpose': _transpose, 'Upsample': _upsample,
 }
