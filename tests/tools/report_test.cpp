@@ -330,7 +330,10 @@ TEST_F(ReportCommand, LoopsOfAFileThatGrows) {
 TEST_F(ReportCommand, LoopsAreShownWhileTheyAreFound) {
   const std::string page = path("loops.html"),
                     loops = "loops " + path("drive") + " --view -o " + path("loops.csv");
-  write_file(dir_ / "bin/xdg-open", "#!/bin/sh\ncp \"$1\" " + path("opened") + "\n");
+  // The browser stays open until the page is complete.
+  write_file(dir_ / "bin/xdg-open",
+             "#!/bin/sh\ncp \"$1\" " + path("opened") +
+                 "\nwhile grep -q 'reload_seconds\":' \"$1\"; do sleep 0.1; done\n");
   write_file(dir_ / "bin/python",
              "#!/bin/sh\necho \"$@\" > " + path("words") + "\ncat > " + path("lines") + "\n");
   for (const char* program : {"bin/xdg-open", "bin/python"})
@@ -340,6 +343,11 @@ TEST_F(ReportCommand, LoopsAreShownWhileTheyAreFound) {
   ::setenv("DISPLAY", ":0", 1);
   ::setenv("REVISIT_PYTHON", path("bin/python").c_str(), 1);
   run_ok(loops + " --rerun --every 2 --sequence 00");
+  const std::string words = read_file(dir_ / "words");
+  write_file(dir_ / "bin/python", "#!/bin/sh\nexit 3\n");
+  expect_exit(1, {"revisit.show` has ended"}, loops + " --rerun --every 2 --sequence 00");
+  const size_t reloads = read_file(page).find("reload_seconds\":");  // of a run that failed
+  run_ok(loops + " --every 2 --sequence 00");
   ::setenv("PATH", search.c_str(), 1);
   ::unsetenv("DISPLAY");
   ::unsetenv("REVISIT_PYTHON");
@@ -347,7 +355,9 @@ TEST_F(ReportCommand, LoopsAreShownWhileTheyAreFound) {
   EXPECT_EQ(count_of(read_file(page), "\"frame\":"), 120);
   EXPECT_EQ(read_file(page).find("reload_seconds\":"), std::string::npos);
   EXPECT_EQ(count_of(read_file(dir_ / "lines"), "\n"), 120);
-  EXPECT_HAS(read_file(dir_ / "words"), "-m revisit.show - " + path("drive") + " --sequence=00");
+  EXPECT_HAS(words, "-m revisit.show - " + path("drive") + " --sequence=00");
+  EXPECT_EQ(reloads, std::string::npos);
+  expect_exit(2, {"another ending than .html"}, "loops " + path("drive") + " --view -o " + page);
   write_file(page, "my thesis");
   expect_exit(2, {"is no report"}, loops);
 }

@@ -131,6 +131,10 @@ void LoopsOptions::finish() {
   if (target_precision && !(*target_precision > 0 && *target_precision < 1))
     throw UsageError("--target-precision: expected more than 0, less than 1, found ",
                      *target_precision);
+  if (view && output.extension() == ".html")
+    throw UsageError("--output ", output.string(),
+                     ": it has the lines, beside which --view writes ",
+                     "its page; expected another ending than .html");
   const bool needs_verify = !g2o.empty() || !tum.empty();
   if (needs_verify && map.no_clouds)
     throw UsageError("--no-clouds: not with ", !g2o.empty() ? "--g2o" : "--tum",
@@ -250,6 +254,10 @@ class LoopOutputs {
     if (viewer_) viewer_->add(line);
   }
   void finish() {
+    finish_page();
+    if (viewer_) viewer_->finish();
+  }
+  void finish_page() {
     if (page_) page_->finish();
   }
 
@@ -334,7 +342,7 @@ class LoopRun {
     LoopOutputs outputs(o_, detector_.threshold(), drive_);
     LoopSummary summary(o_.exclusion, detector_.threshold());
     std::vector<double> milliseconds;
-    {
+    try {
       cli::Progress progress("recognizing", "scans", o_.shows_progress());
       recognize(source_.next, detector_, !o_.no_deskew, [&](const Visit& visit) {
         summary.add(visit.found);
@@ -346,7 +354,10 @@ class LoopRun {
         milliseconds.push_back(visit.milliseconds);
         outputs.add(visit, detector_.drive());
       });
-    }  // ends the line of the progress
+    } catch (const Error&) {
+      outputs.finish_page();
+      throw;
+    }
     outputs.finish();
     if (!o_.feature.quiet) {
       if (detector_.drive() != drive_)

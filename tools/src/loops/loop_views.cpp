@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <utility>
 
 #include "cli/shell.h"
 #include "cli/terminal.h"
@@ -39,11 +40,10 @@ void LoopPage::write(bool reloads) {
   if (opened_) return;
   opened_ = true;
   if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr) return;
-  try {
-    run_program({"xdg-open", fs::absolute(file_).string()}, "xdg-utils");
-  } catch (const Error& error) {
-    warn(error.what());
-  }
+  // In the background, because it may last until the browser ends.
+  const char* const open = "command -v xdg-open >/dev/null && { xdg-open \"$0\" & }";
+  if (run_program({"sh", "-c", open, fs::absolute(file_).string()}, "dash") != 0)
+    warn("xdg-open is not installed (Debian: apt install xdg-utils)");
 }
 
 RerunViewer::RerunViewer(const FeatureOptions& data) {
@@ -53,19 +53,26 @@ RerunViewer::RerunViewer(const FeatureOptions& data) {
   for (const std::string& option : reader_options(data)) words.push_back(option);
   ::signal(SIGPIPE, SIG_IGN);
   pipe_ = ::popen(shell_command(shell_word(python != nullptr ? python : "python3"), words).c_str(),
-                  "w");
+                  "we");  // a browser must not keep the pipe open
   if (pipe_ == nullptr) throw Error("--rerun: cannot start a program");
 }
 
 RerunViewer::~RerunViewer() {
-  ::pclose(pipe_);
+  if (pipe_ != nullptr) ::pclose(pipe_);
 }
 
 void RerunViewer::add(const reports::LoopLine& line) {
-  if (std::fputs((json_of(line) + "\n").c_str(), pipe_) < 0 || std::fflush(pipe_) != 0)
-    throw Error(
-        "--rerun: `python3 -m revisit.show` has ended; it needs the Python package and rerun-sdk "
-        "(pip install '.[rerun]'), or set REVISIT_PYTHON to an interpreter with them");
+  if (std::fputs((json_of(line) + "\n").c_str(), pipe_) < 0 || std::fflush(pipe_) != 0) fail();
+}
+
+void RerunViewer::finish() {
+  if (::pclose(std::exchange(pipe_, nullptr)) != 0) fail();
+}
+
+void RerunViewer::fail() {
+  throw Error(
+      "--rerun: `python3 -m revisit.show` has ended; it needs the Python package and rerun-sdk "
+      "(pip install '.[rerun]'), or set REVISIT_PYTHON to an interpreter with them");
 }
 
 }  // namespace revisit::cli

@@ -41,8 +41,11 @@ class RerunViewer {
   RerunViewer& operator=(const RerunViewer&) = delete;
   /// Throws Error if the viewer has ended.
   void add(const reports::LoopLine& line);
+  /// Waits for the viewer. Throws likewise if it has failed.
+  void finish();
 
  private:
+  [[noreturn]] static void fail();
   FILE* pipe_;
 };
 
