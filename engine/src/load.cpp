@@ -57,6 +57,11 @@ void check_graft(const Net::Impl& net, const std::string& graft) {
 
 /// In a full net, layers without an output do not run. An unread part of them is an error for a
 /// supported type, because its `top` may be misspelled, else a warning.
+/// Losses may lack a top in Caffe, and Silence has none.
+bool needs_top(const std::string& type) {
+  return is_supported(type) && type != "Silence" && !type.ends_with("Loss");
+}
+
 void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
   std::set<int> run;
   for (const Node& node : net.graph.nodes) run.insert(node.index);
@@ -66,6 +71,9 @@ void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
     if (type.empty() || is_supported(type)) throw InputError(part.what);
     net.warnings.push_back(str(part.what.what(), "; the layer writes no blob and is skipped"));
   }
+  for (const caffe::LayerParameter& layer : file.net.layer())
+    if (layer.top().empty() && needs_top(layer.type()))
+      throw InputError(net.file, ": layer '", layer.name(), "' (", layer.type(), ") has no top");
 }
 
 void check_end(const proto::NetFile& file, const std::vector<std::string>& layers,

@@ -256,6 +256,9 @@ TEST(Windows, PadsOfBothEndsMayDiffer) {
           {"Pooling", "pooling_param { kernel_size: 3 "}})
       expect_rejected(type, std::string(param) + pads + " }", {Shape{1, 1, 9, 9}},
                       {"pad_l, pad_r, pad_t and pad_b"});
+  expect_rejected("Pooling",
+                  "pooling_param { global_pooling: true pad_h: 0 pad_w: 0 pad_b: 1 pad_r: 1 }",
+                  {Shape{1, 1, 9, 9}}, {"no pad"});
 }
 
 TEST(Im2col, WritesTheWindowsOut) {

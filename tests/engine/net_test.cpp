@@ -581,6 +581,10 @@ TEST_F(NetTest, LayersThatWriteNoBlobDoNotTakeOutputsAway) {
   write_file(prototxt(), "layer { name: 'debug' type: 'Python' python_param { layer: 'L' } }");
   expect_error<InputError>([&] { Net::load_without_weights(prototxt()); },
                            {"none of its layers writes a blob"});
+  write_file(prototxt(), input + relu + "layer { name: 'p' type: 'Softmax' bottom: 'r' }");
+  expect_error<InputError>([&] { Net::load_without_weights(prototxt()); },
+                           {"layer 'p' (Softmax) has no top"});
+  EXPECT_EQ(Net::load_without_weights(prototxt(), {.end = "r"}).outputs().size(), 1U);
 }
 
 TEST_F(NetTest, WarnsOfABatchNormWithoutCorrectionAndOfNetsThatEndInSilence) {

@@ -526,6 +526,13 @@ class Refused(Scripts):
     def test_unsupported_layers(self):
         with self.assertRaisesRegex(revisit.UnsupportedError, 'Stranger'):
             self.net(CHAIN.replace('ReLU', 'Stranger'))
+        for unread in ('HDF5Output', 'Stranger', 'EuclideanLoss'):  # without an output, they are skipped
+            net = self.net(CHAIN + f'layer {{ name: "last" type: "{unread}" bottom: "sum" bottom: "plus" }}')
+            net.blobs['data'].data[...] = X
+            net.forward()
+            np.testing.assert_array_equal(net.blobs['sum'].data, 2 * DOUBLE)
+        with self.assertRaisesRegex(revisit.InputError, r"layer 'last' \(Softmax\) has no top"):
+            self.net(CHAIN + 'layer { name: "last" type: "Softmax" bottom: "sum" }')
 
     def test_unknown_fields(self):
         beside = CHAIN.replace('top: "plus"', 'top: "plus" odd_param { }')

@@ -90,7 +90,7 @@ Window PoolingWindow::window(size_t axis, size_t n_axes, bool checked) const {
       of_axis(param_.pad_nd(), param_.has_pad_h(), param_.pad_h(), param_.pad_w(), param_.pad(),
               "pad")};
   if (param_.global_pooling()) {
-    if (result.stride != 1 || result.pad != 0)
+    if (result.stride != 1 || result.pad != 0 || param_.pad_b() > 0 || param_.pad_r() > 0)
       throw InputError("global pooling needs stride 1 and no pad");
     return result;
   }

@@ -3,6 +3,7 @@
 from collections import Counter
 
 from .. import proto
+from ..engine import layer_types
 from ..errors import InputError
 from ._blob import BlobVec
 
@@ -104,7 +105,10 @@ def inputs(layers):
 
 
 def computing(layers):
-    return [layer for layer in layers if layer.message is not None and layer.type not in ('Input', *IN_PYTHON)]
+    """Returns the layers that the engine computes. It skips losses and layers of unknown types, such as HDF5Output, without an output."""
+    known = layer_types()
+    return [layer for layer in layers if layer.message is not None and layer.type not in ('Input', *IN_PYTHON)
+            and (layer.tops or layer.type in known and not layer.type.endswith('Loss'))]
 
 
 def steps(layers, first, last):
