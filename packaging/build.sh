@@ -6,14 +6,16 @@
 #   packaging/build.sh FOLDER --bare ROOT    only tests those of FOLDER on a new system in ROOT, of this release and without
 #                                            compilers. Needs root and debootstrap
 set -euo pipefail
-cd "$(dirname "$0")/.."
 folder=$(mkdir -p "${1:-dist}" && cd "${1:-dist}" && pwd)
+[ $# -lt 3 ] || set -- "$1" "$2" "$(realpath -m "$3")"
+cd "$(dirname "$0")/.."
 . /etc/os-release
 
 if [ "${2:-}" = --bare ]; then
+  [ $# -eq 3 ] || { sed -n '2,8s/^# \?//p' "$0" >&2; exit 2; }
   lines=$(mktemp)
   [ -d "$3" ] || packaging/clean_system.sh "$VERSION_CODENAME" "$3" /dev/null
-  cp -rT "$folder" "$3/root/dist"
+  rm -rf "$3/root/dist" && cp -rT "$folder" "$3/root/dist"
   cat >"$lines" <<'END'
 apt-get update -qq && apt-get install -y -qq --no-install-recommends python3 python3-venv >/dev/null
 rm -rf /root/revisit/* && cd /root && test -z "$(command -v g++ cmake)"

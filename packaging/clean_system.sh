@@ -7,8 +7,10 @@
 # FOLDER  the system; made if it is not there, with the last commit of this clone in /root/revisit. Delete it afterwards.
 # FILE    lines to follow (- for standard input). Default: README's installation; a new shell then uses what it gave.
 set -euo pipefail
+[ $# -ge 2 ] || { sed -n '2,8s/^# \?//p' "$0" >&2; exit 2; }
+suite=$1 root=$(realpath -m "$2") file=${3:-}
+[ -z "$file" ] || [ "$file" = - ] || file=$(realpath "$file")
 cd "$(dirname "$0")/.."
-suite=$1 root=$2 file=${3:-}
 case $suite in
   jammy | noble) mirror=http://archive.ubuntu.com/ubuntu components=main,universe ;;
   *) mirror=http://deb.debian.org/debian components=main ;;
@@ -28,7 +30,8 @@ follow() {  # each line of standard input by one shell of the system, timed
 }
 
 if [ ! -d "$root" ]; then
-  debootstrap --variant=minbase --components=$components ${KEYRING:+--keyring="$KEYRING"} "$suite" "$root" $mirror >"$root.log"
+  debootstrap --variant=minbase --components=$components ${KEYRING:+--keyring="$KEYRING"} "$suite" "$root" $mirror >"$root.log" ||
+    { tail -3 "$root.log" >&2; rm -rf --one-file-system "$root"; exit 1; }
   umount "$root/proc" "$root/sys" 2>/dev/null || true
   [ -z "${PIP_CERT:-}" ] || cp "$PIP_CERT" "$root/root/certificates"
   git archive --prefix=root/revisit/ HEAD | tar -x -C "$root"

@@ -55,13 +55,13 @@ void check_graft(const Net::Impl& net, const std::string& graft) {
                    "e.g. a pooling layer");
 }
 
-/// In a full net, layers without an output do not run. An unread part of them is an error for a
-/// supported type, because its `top` may be misspelled, else a warning.
 /// Losses may lack a top in Caffe, and Silence has none.
 bool needs_top(const std::string& type) {
   return is_supported(type) && type != "Silence" && !type.ends_with("Loss");
 }
 
+/// In a full net, layers without an output do not run. An unread part of them is an error for a
+/// supported type, because its `top` may be misspelled, else a warning.
 void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
   std::set<int> run;
   for (const Node& node : net.graph.nodes) run.insert(node.index);
