@@ -126,7 +126,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     proto::Graph whole = proto::resolve(file.net);
     whole.dropped = std::move(file.dropped);
     proto::Graph graph = proto::prune(whole, options.end, options.graft);
-    if (graph.outputs.empty() && !graph.nodes.empty()) warn_of_silence(whole, *net);
+    if (graph.outputs.empty()) warn_of_silence(whole, *net);
     for (const std::string& warning : graph.warnings)
       net->warnings.push_back(str(net->file, ": ", warning));
     net->graph = attach(file.net, std::move(graph));

@@ -123,24 +123,16 @@ void upgrade_holes(caffe::NetParameter& net) {
 /// them.
 template <class Param>
 void upgrade_pads(Param& p, bool has_pad) {
-  if (!p.has_pad_l() && !p.has_pad_t() && (p.has_pad_h() || (!p.has_pad_r() && !p.has_pad_b())))
-    return;
-  const bool is_padded = p.pad_l() > 0 || p.pad_r() > 0 || p.pad_t() > 0 || p.pad_b() > 0;
+  const bool is_upgraded = p.has_pad_h() && !p.has_pad_l() && !p.has_pad_t();
+  if (is_upgraded) return;
+  const uint32_t left = p.pad_l(), right = p.pad_r(), top = p.pad_t(), bottom = p.pad_b();
+  const bool is_padded = left > 0 || right > 0 || top > 0 || bottom > 0;
   if (is_padded && (has_pad || p.has_pad_h() || p.has_pad_w())) return;
-  if (is_padded) {
-    p.set_pad_h(p.pad_t());
-    p.set_pad_w(p.pad_l());
-  }
-  p.clear_pad_l();
-  p.clear_pad_t();
-  const bool is_even = p.pad_h() == p.pad_b() && p.pad_w() == p.pad_r();
-  if (is_padded && !is_even) {
-    p.set_pad_b(p.pad_b());
-    p.set_pad_r(p.pad_r());
-  } else {
-    p.clear_pad_b();
-    p.clear_pad_r();
-  }
+  p.clear_pad_l(), p.clear_pad_r();
+  p.clear_pad_t(), p.clear_pad_b();
+  if (!is_padded) return;
+  p.set_pad_h(top), p.set_pad_w(left);
+  if (top != bottom || left != right) p.set_pad_b(bottom), p.set_pad_r(right);
 }
 
 /// Converts what Synopsys' fork (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) has for

@@ -261,6 +261,14 @@ TEST(Windows, PadsOfBothEndsMayDiffer) {
                   {Shape{1, 1, 9, 9}}, {"no pad"});
 }
 
+TEST(Windows, PadsOfBothEndsAreNotThoseOfVolumes) {
+  const std::string pads = "kernel_size: 3 pad_h: 1 pad_w: 1 pad_b: 1 pad_r: 2";
+  for (const auto& [type, param] :
+       {std::pair{"Convolution", "convolution_param { num_output: 1 " + pads + " }"},
+        {"Pooling", "pooling_param { pad_nd: [1, 1, 1] " + pads + " }"}})
+    expect_rejected(type, param, {Shape{1, 1, 9, 9, 9}}, {"2 spatial axes"});
+}
+
 TEST(Im2col, WritesTheWindowsOut) {
   const auto outputs = run_layer({"Im2col",
                                   "convolution_param { kernel_size: 2 pad: 1 stride: 2 }",

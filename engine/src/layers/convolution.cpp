@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "layers/layers.h"
-#include "layers/pooling_window.h"
+#include "layers/pad_ends.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
@@ -59,8 +59,8 @@ WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes) 
   const auto pad = per_axis_or_hw(param.pad(), param.has_pad_h(), param.has_pad_w(), param.pad_h(),
                                   param.pad_w(), n_axes, 0, "pad");
   const auto dilation = per_axis(param.dilation(), n_axes, 1, "dilation");
-  const bool has_ends = expect_pad_ends(param);
-  if (has_ends && n_axes != 2)
+  const auto ends = pad_ends(param);
+  if (ends && n_axes != 2)
     throw InputError("pad_b and pad_r need 2 spatial axes, the input has ", n_axes);
   WindowAxes axes(n_axes);
   for (size_t i = 0; i < n_axes; ++i) {
@@ -70,18 +70,17 @@ WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes) 
     check(dilation[i], 1, "dilation");
     axes[i].kernel = kernel[i], axes[i].stride = stride[i];
     axes[i].pad = pad[i], axes[i].dilation = dilation[i];
-    if (!has_ends) continue;
-    const int64_t end = i == 0 ? param.pad_b() : param.pad_r();
-    check(end, 0, "pad");
-    axes[i].end_surplus = end - pad[i];
+    if (!ends) continue;
+    check((*ends)[i], 0, "pad");
+    axes[i].end_surplus = (*ends)[i] - pad[i];
   }
   return axes;
 }
 
 namespace {
 
-/// Divides toward zero (docs/reference/LAYERS.md point 3), so a kernel that exceeds the padded image by less
-/// than the stride yields one window. Throws InputError if none fits.
+/// Divides toward zero (docs/reference/LAYERS.md point 3), so a kernel that exceeds the padded
+/// image by less than the stride yields one window. Throws InputError if none fits.
 int64_t count_windows(const WindowAxis& axis) {
   const int64_t windows = (axis.padded() - extent(axis)) / axis.stride + 1;
   if (windows < 1)

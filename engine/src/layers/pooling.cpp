@@ -18,7 +18,7 @@ PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(para
     throw InputError("give pad, or pad_h and pad_w, not both");
   if (param.has_pad_h() != param.has_pad_w())
     throw InputError("pad_h and pad_w must be given together");
-  expect_pad_ends(param);
+  ends_ = pad_ends(param);
   if (param.has_stride() && (param.has_stride_h() || param.has_stride_w()))
     throw InputError("give stride, or stride_h and stride_w, not both");
   if (param.has_stride_h() != param.has_stride_w())
@@ -35,15 +35,16 @@ WindowAxes PoolingWindow::axes(const Shape& input) const {
     throw InputError("pooling needs an input of 4 axes (n x c x h x w), or 5 for volumes, found ",
                      input);
   const size_t n = input.rank() - 2;
+  if (ends_ && n != 2) throw InputError("pad_b and pad_r need 2 spatial axes, the input has ", n);
   WindowAxes axes;
   bool is_padded = false;
   for (size_t i = 0; i < n; ++i) {
     const Window w = param_.global_pooling() ? Window{input[i + 2], 1, 0} : window(i, n, true);
     is_padded |= w.pad > 0;
     axes.push_back({.image = input[i + 2], .kernel = w.extent, .stride = w.stride, .pad = w.pad});
-    if (!param_.has_pad_b()) continue;
-    axes[i].end_surplus = int64_t{i == 0 ? param_.pad_b() : param_.pad_r()} - w.pad;
-    is_padded |= axes[i].end_surplus != 0;
+    if (!ends_) continue;
+    axes[i].end_surplus = (*ends_)[i] - w.pad;
+    is_padded |= (*ends_)[i] > 0;
   }
   for (WindowAxis& axis : axes) axis.windows = size(axis, is_padded);
   return axes;
@@ -90,14 +91,13 @@ Window PoolingWindow::window(size_t axis, size_t n_axes, bool checked) const {
       of_axis(param_.pad_nd(), param_.has_pad_h(), param_.pad_h(), param_.pad_w(), param_.pad(),
               "pad")};
   if (param_.global_pooling()) {
-    if (result.stride != 1 || result.pad != 0 || param_.pad_b() > 0 || param_.pad_r() > 0)
+    if (result.stride != 1 || result.pad != 0 || (ends_ && *ends_ != std::array<int64_t, 2>{}))
       throw InputError("global pooling needs stride 1 and no pad");
     return result;
   }
   expect_int(result.extent, "the kernel size");
   expect_int(result.stride, "the stride");
-  if (axis < 2 && param_.has_pad_b() &&
-      (axis == 0 ? param_.pad_b() : param_.pad_r()) >= result.extent)
+  if (axis < 2 && ends_ && (*ends_)[axis] >= result.extent)
     throw InputError("pad_b and pad_r must be smaller than the kernel ", result.extent);
   if (result.extent < 1) throw InputError("the kernel size must be at least 1");
   if (result.stride < 1) throw InputError("the stride must be at least 1");

@@ -3,19 +3,9 @@
 #include "kernels/nchw.h"
 #include "kernels/window.h"
 #include "layer.h"
+#include "layers/pad_ends.h"
 
 namespace revisit::engine {
-
-/// Returns whether pad_b and pad_r give trailing pads other than pad_h and pad_w, the leading ones.
-/// Throws InputError for pad_l, pad_r, pad_t, pad_b that the upgrade left because of another pad.
-template <class Param>
-bool expect_pad_ends(const Param& param) {
-  const bool has_ends = param.has_pad_b() && param.has_pad_r();
-  if (param.has_pad_l() || param.has_pad_t() || param.has_pad_b() != param.has_pad_r() ||
-      (has_ends && !(param.has_pad_h() && param.has_pad_w())))
-    throw InputError("give pad, or pad_h and pad_w, or pad_l, pad_r, pad_t and pad_b");
-  return has_ends;
-}
 
 class PoolingWindow {
  public:
@@ -44,6 +34,7 @@ class PoolingWindow {
   int64_t size(const WindowAxis& axis, bool is_padded) const;
 
   caffe::PoolingParameter param_;
+  std::optional<std::array<int64_t, 2>> ends_;  // pad_ends()
 };
 
 }  // namespace revisit::engine

@@ -201,18 +201,19 @@ class RegionLayer : public Layer {
   bool keeps_items(size_t port, const std::vector<Shape>&) const override { return port == 1; }
 
  protected:
-  static void check(const std::vector<Shape>& inputs, size_t n_outputs) {
-    expect_count(inputs.size(), 2, "inputs (the feature map and the regions)");
+  static void check(const std::vector<Shape>& inputs, size_t n_outputs, bool has_object = false) {
+    if (has_object)
+      expect_count(inputs.size(), 3, "inputs (the feature map, the regions and the objects)");
+    else
+      expect_count(inputs.size(), 2, "inputs (the feature map and the regions)");
     expect_count(n_outputs, 1, "outputs");
     if (inputs[0].rank() != 4)
       throw InputError("expected a feature map of 4 axes (n x c x h x w), found ", inputs[0]);
-    check_regions(inputs[1]);
-  }
-
-  static void check_regions(const Shape& rois) {
-    if (rois.rank() < 1 || rois.product(1, rois.rank()) != 5)
-      throw InputError(
-          "expected regions of 5 numbers (image, x1, y1, x2, y2), found an input of shape ", rois);
+    for (size_t i = 1; i < inputs.size(); ++i)
+      if (inputs[i].rank() < 1 || inputs[i].product(1, inputs[i].rank()) != 5)
+        throw InputError("expected regions of 5 numbers (image, x1, y1, x2, y2), found an input ",
+                         "of shape ", inputs[i]);
+    if (has_object && inputs[2].elements() < 1) throw InputError("expected an object, found none");
   }
 
   static RoiPoolingProblem problem(const Binding& binding, float scale) {
@@ -269,14 +270,7 @@ class PsRoiPooling : public RegionLayer {
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    std::vector<Shape> regions = inputs;
-    if (has_object_) {
-      expect_count(inputs.size(), 3, "inputs (the feature map, the regions and the objects)");
-      check_regions(inputs[2]);
-      if (inputs[2].elements() < 1) throw InputError("expected an object, found none");
-      regions.pop_back();
-    }
-    check(regions, n_outputs);
+    check(inputs, n_outputs, has_object_);
     const int64_t dim = param_.output_dim(), group = param_.group_size();
     if (inputs[0][1] != dim * (group * group))
       throw InputError("expected output_dim x group_size x group_size = ", dim * (group * group),

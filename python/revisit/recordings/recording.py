@@ -46,7 +46,7 @@ class Scan(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """A drive; scans() begins anew at every call."""
+    """A drive. scans() starts at the first scan at every call."""
     name: str
     """Name of the drive."""
     count: int | None

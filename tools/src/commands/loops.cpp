@@ -247,9 +247,11 @@ class LoopOutputs {
                        *found.loop->pose * found.registered->T_place_query);
       ++trajectory_poses_;
     }
+    const bool is_written = found.accepted || o_.all || !threshold_;
+    if (!is_written && !page_ && !viewer_) return;
     reports::LoopLine line = line_of(visit, drive);
     if (threshold_) line.set_threshold(*threshold_);
-    if (found.accepted || o_.all || !threshold_) writer_.write(line);
+    if (is_written) writer_.write(line);
     if (page_) page_->add(line);
     if (viewer_) viewer_->add(line);
   }

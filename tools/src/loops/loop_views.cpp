@@ -47,12 +47,11 @@ void LoopPage::write(bool reloads) {
 }
 
 RerunViewer::RerunViewer(const FeatureOptions& data) {
-  const char* const python = std::getenv("REVISIT_PYTHON");
   Arguments words = {"-m", "revisit.show", "-"};
   if (data.data != "-") words.push_back(data.data.string());
   for (const std::string& option : reader_options(data)) words.push_back(option);
   ::signal(SIGPIPE, SIG_IGN);
-  pipe_ = ::popen(shell_command(shell_word(python != nullptr ? python : "python3"), words).c_str(),
+  pipe_ = ::popen(shell_command(shell_word(python_interpreter()), words).c_str(),
                   "we");  // a browser must not keep the pipe open
   if (pipe_ == nullptr) throw Error("--rerun: cannot start a program");
 }

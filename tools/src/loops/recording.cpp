@@ -338,6 +338,11 @@ RecordedScans recorded_scans(std::istream& in, const std::string& source, std::s
           [stream] { return stream->next(); }};
 }
 
+std::string python_interpreter() {
+  const char* const python = std::getenv("REVISIT_PYTHON");
+  return python != nullptr ? python : "python3";
+}
+
 Arguments reader_options(const FeatureOptions& options) {
   Arguments words;
   for (const auto& [option, value] :
@@ -350,8 +355,7 @@ Arguments reader_options(const FeatureOptions& options) {
 }
 
 RecordedScans read_recording(const FeatureOptions& options, bool headers) {
-  const char* const python = std::getenv("REVISIT_PYTHON");
-  Arguments words = {python != nullptr ? python : "python3", "-c",
+  Arguments words = {python_interpreter(), "-c",
                      str(kProgram, "sys.exit(main(headers=", headers ? "True" : "False", "))"),
                      str("--every=", options.every)};
   std::ranges::move(reader_options(options), std::back_inserter(words));

@@ -31,10 +31,13 @@ RecordedScans recorded_scans(
     std::istream& in, const std::string& source, std::string first = "",
     const std::function<std::string()>& ending = [] { return std::string(); });
 
+/// $REVISIT_PYTHON, or else python3.
+std::string python_interpreter();
+
 /// Options of `revisit.recordings` and `revisit.show` that say how scans are read.
 Arguments reader_options(const FeatureOptions& data);
 
-/// Starts `revisit.recordings` of the Python package, which $REVISIT_PYTHON or else python3 has.
+/// Starts `revisit.recordings` of the Python package of python_interpreter().
 /// `headers`: without points. The process ends with the last copy of `next`. Throws what
 /// recorded_scans() throws.
 RecordedScans read_recording(const FeatureOptions& data, bool headers = false);

@@ -77,7 +77,7 @@ const std::vector<Sensor>& sensors();
 ImageGeometry sensor_geometry(const std::string& sensor);
 std::vector<std::string> sensor_names();  ///< of sensors()
 
-/// Sensor of some scans, as far as they show it.
+/// Properties of a sensor that its scans show.
 struct SensorFound {
   std::string name;     ///< a name in sensors(); "": unknown, `image` then fits the beams
   ImageGeometry image;  ///< for its scans
