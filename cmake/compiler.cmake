@@ -31,12 +31,8 @@ endif()
 
 find_program(REVISIT_CCACHE ccache)
 if(REVISIT_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # ccache takes precompiled headers only so. Comments count: g++ compares the files of a precompiled header byte by byte, and
-  # would take one of before a change of a comment for other files (#pragma once). A precompiled header of 200 MB is hashed once
-  # (INODECACHE), and g++ itself says what a file includes (DEPEND): a build that finds nothing takes 6 % longer, not 17 %.
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros CCACHE_COMMENTS=1
-                                  CCACHE_INODECACHE=1 CCACHE_DEPEND=1 ${REVISIT_CCACHE})
-  add_compile_options($<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-fpch-preprocess>)
+  # g++ itself says what a file includes (DEPEND): a build that finds nothing takes 6 % longer, not 17 %.
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_DEPEND=1 ${REVISIT_CCACHE})
 endif()
 
 # revisit_simd_targets(TARGET): what Highway compiles its kernels for: AVX-512, AVX2 and what every x86 has, or NEON. SVE
@@ -50,13 +46,15 @@ function(revisit_simd_targets target)
   target_compile_definitions(${target} PRIVATE "HWY_DISABLED_TARGETS=(${disabled})")
 endfunction()
 
-# Batches read headers once for 64 files. Files that Highway includes once for every target stay by themselves.
-set(CMAKE_UNITY_BUILD ${REVISIT_UNITY})
-set(CMAKE_UNITY_BUILD_BATCH_SIZE 64)
+# Batches read headers once for many files. Files that Highway includes once for every target stay by themselves.
+if(REVISIT_UNITY)
+  set(CMAKE_UNITY_BUILD ON)
+  set(CMAKE_UNITY_BUILD_BATCH_SIZE ${REVISIT_UNITY})
+endif()
 
 # revisit_alone(FILES...): these are not compiled in batches.
 function(revisit_alone)
-  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON SKIP_PRECOMPILE_HEADERS ON)
+  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
 
 # revisit_optimize(TARGET): runs for every scan or layer.
@@ -117,16 +115,6 @@ function(revisit_kernels target)
   revisit_alone(${files})
   set_property(SOURCE ${files} APPEND PROPERTY COMPILE_OPTIONS $<$<CONFIG:Release>:-O3>)
   set_property(SOURCE ${files} APPEND PROPERTY COMPILE_DEFINITIONS ${kernels_DEFINE})
-endfunction()
-
-# revisit_precompile(TARGET HEADERS...): where files are compiled one by one, reads these and the standard's once for all
-# files of a target, which is half of the time to compile them. The files include what they use all the same.
-function(revisit_precompile target)
-  if(REVISIT_UNITY)
-    return()
-  endif()
-  target_precompile_headers(${target} PRIVATE <algorithm> <cmath> <filesystem> <functional> <map> <memory> <optional> <string>
-                                              <vector> ${ARGN})
 endfunction()
 
 # revisit_schema(TARGET FILES): protobuf's code for them, compiled apart from ours, as it does not meet our warnings. Without

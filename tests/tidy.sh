@@ -3,11 +3,11 @@
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
-build=build/tidy  # configured only, because clang cannot read g++'s precompiled headers
+build=build/tidy  # configured only: each file by itself
 python=()  # with nanobind, if tests/run.sh has run
 [ ! -x build/venv/bin/python ] || python=("-DPython_EXECUTABLE=$root/build/venv/bin/python")
 [ -f $build/compile_commands.json ] ||
-  cmake --preset dev -B $build -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON "${python[@]}" >/dev/null
+  cmake --preset dev -B $build -DREVISIT_UNITY=0 "${python[@]}" >/dev/null
 cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
 sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_commands.json  # unknown to clang
 files=("$@")

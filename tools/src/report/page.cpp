@@ -11,6 +11,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/feature.h"
 
 namespace revisit::cli {
 
