@@ -38,7 +38,7 @@ class Loops : public test::ProgramTest<Loops> {
 };
 
 TEST_F(Loops, AreFoundAtTheThresholdOfAnotherTownAndNoneIsWrong) {
-  const std::vector<std::string> found = lines(run(loops("--calibrate " + path("town2"))));
+  const std::vector<std::string> found = lines(run(loops("-o - --calibrate " + path("town2"))));
   ASSERT_GT(found.size(), 5) << "no loops";
   EXPECT_TRUE(found[0].starts_with("frame,time,match_drive,match_frame"));
   // Ground truth: x, z of each frame.
@@ -510,6 +510,8 @@ TEST_F(Loops, RejectInvalidOptions) {
   fails(loops("--poses /nowhere --pose-frame camera"), 3, "/nowhere");
   fails("map build " + path("town1"), 2, "--map");
   fails(loops("-o /nowhere/x.csv"), 1, "/nowhere/x.csv");
+  fails(loops("--g2o /nowhere/x.g2o -o " + path("kept.tum")), 1, "/nowhere/x.g2o");
+  EXPECT_EQ(read_file(path("kept.tum")), "kept");
   fails("loops /nowhere", 3, "/nowhere");
   fails("locate x.map /nowhere.bin", 3, "x.map: there is no such map");
   fails("locate x.map x.bin --threshold 1 --target-precision 0.9", 2, "one of the two");

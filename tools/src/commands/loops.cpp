@@ -125,6 +125,7 @@ void LoopsOptions::declare_output(Options& options) {
 }
 
 void LoopsOptions::finish() {
+  if (output == "-") output.clear();
   exclusion = parse_exclusion(exclusion_text);
   check_keyframes(keyframes);
   gate = parse_odometry_gate(gate_text);
@@ -230,11 +231,12 @@ class LoopOutputs {
  public:
   LoopOutputs(const LoopsOptions& options, std::optional<double> threshold,
               const std::string& drive)
-      : o_(options), threshold_(threshold), writer_(open_file(), options.format) {
+      : o_(options), threshold_(threshold) {
     if (!page().empty()) page_.emplace(page(), drive, o_.command);
     if (o_.rerun) viewer_.emplace(o_.feature);
     if (!o_.g2o.empty()) graph_.emplace(o_.g2o);
     if (!o_.tum.empty()) trajectory_.emplace(o_.tum);
+    writer_.emplace(open_file(), o_.format);  // last, because it replaces a file at once
   }
 
   void add(const Visit& visit, const std::string& drive) {
@@ -251,7 +253,7 @@ class LoopOutputs {
     if (!is_written && !page_ && !viewer_) return;
     reports::LoopLine line = line_of(visit, drive);
     if (threshold_) line.set_threshold(*threshold_);
-    if (is_written) writer_.write(line);
+    if (is_written) writer_->write(line);
     if (page_) page_->add(line);
     if (viewer_) viewer_->add(line);
   }
@@ -314,7 +316,7 @@ class LoopOutputs {
   const LoopsOptions& o_;
   const std::optional<double> threshold_;
   std::ofstream file_;
-  LoopWriter writer_;
+  std::optional<LoopWriter> writer_;
   std::optional<PoseGraphWriter> graph_;
   std::optional<TrajectoryWriter> trajectory_;
   std::optional<LoopPage> page_;
