@@ -146,36 +146,46 @@ class Direct {
         BlockEpilogue(a_.epilogue, a_.bias, block + blocks - 1, p_.c_out)};
     const Split panels = panels_of_chunk(chunk);
     [[maybe_unused]] std::conditional_t<kInTiles<T>, Tiles, int> tiles{};
-    for (int64_t panel = piece.first_panel; panel < piece.end_panel; ++panel) {
-      const int64_t first = panels.begin(panel), width = panels.width(panel);
+    const auto multiply_part = [&](int64_t first, int64_t end, int64_t b, int64_t count,
+                                   int64_t left) HWY_ATTR {
+      const int64_t width = end - first;
       const Columns columns = columns_of(first, width);
-      const int64_t offset = (image * shape_.out_blocks + begin) * image_step +
+      const int64_t offset = (image * shape_.out_blocks + begin + b) * image_step +
                              (shape_.chunks.columns.begin(chunk) + first) * kLanes;
       T* const output = static_cast<T*>(a_.output) + offset;
       const T* const addend = a_.addend ? static_cast<const T*>(a_.addend) + offset : nullptr;
-      const FinishSums finish = {epilogues, addend, output, image_step};
+      const FinishSums finish = {epilogues + b, addend, output, image_step};
       if constexpr (kInTiles<T>)
         multiply_in_tiles(TileFactors{shape_.packed_depth / kBlocks, columns.data, columns.step,
                                       kPixel, weights(block), shape_.weights()},
-                          blocks, width, tiles, finish);
+                          count, width, tiles, finish);
       else
         HWY_NAMESPACE::multiply(
             Factors<T>{
-                shape_.depth(), columns.data, columns.step, weights(block), shape_.weights(),
-                prefetched(block, slice, piece.end_panel - 1 - panel),
-                columns.data + (reads_input_ ? width * kLanes : shape_.depth() * columns.step)},
-            blocks, width, finish);
-    }
+                shape_.depth(), columns.data, columns.step, weights(block + b), shape_.weights(),
+                prefetched(block, slice, b, left),
+                columns.data + (reads_input_ ? width * kLanes : shape_.depth() * columns.step),
+                reads_input_ ? p_.c_in_per_group() - (shape_.in_blocks - 1) * kLanes : kLanes},
+            count, width, finish);
+    };
+    if (kTileBlocks == 1 && reads_input_)  // a block's weights stay in cache for all columns
+      for (int64_t b = 0; b < blocks; ++b)
+        multiply_part(panels.begin(piece.first_panel), panels.begin(piece.end_panel), b, 1, b);
+    else
+      for (int64_t panel = piece.first_panel; panel < piece.end_panel; ++panel)
+        multiply_part(panels.begin(panel), panels.end(panel), 0, blocks,
+                      piece.end_panel - 1 - panel);
   }
 
-  /// Prefetches for a panel `left` panels before the last. The last panels each prefetch a block
-  /// that this thread likely uses next, because those of deep layers are in L3 or memory.
-  const T* prefetched(int64_t block, int64_t slice, int64_t left) const {
+  /// Prefetches for block `b` of a slice and a panel `left` panels before the last. The last panels
+  /// each prefetch a block that this thread likely uses next, because those of deep layers are in
+  /// L3 or memory.
+  const T* prefetched(int64_t block, int64_t slice, int64_t b, int64_t left) const {
     const int64_t next = slice + (shape_.chunks.per_thread ? 1 : p_.threads);
     const int64_t ahead = (next - slice) * DirectShape::kSliceBlocks + left;
     const bool there = left < DirectShape::kSliceBlocks &&
                        slice * DirectShape::kSliceBlocks + ahead < shape_.out_blocks;
-    return weights(block + (there ? ahead : 0));
+    return weights(block + (there ? ahead : b));
   }
 
   const T* weights(int64_t block) const {

@@ -98,6 +98,20 @@ inline HWY_NOINLINE void smooth(const Epilogue& e, Block* blocks, int count) {
     }
 }
 
+struct Relu {
+  Vector slope;
+  HWY_INLINE Vector operator()(Vector x, int) const { return where_negative(x, leak(slope, x)); }
+};
+
+struct Clip {
+  Vector low, high;
+  HWY_INLINE Vector operator()(Vector x, int) const {
+    // Preserves NaN: comparisons with NaN are false, so x remains.
+    if constexpr (kMaxIsFirstIfGreater) return hn::Min(high, hn::Max(low, x));
+    return hn::IfThenElse(hn::Lt(x, low), low, hn::IfThenElse(hn::Gt(x, high), high, x));
+  }
+};
+
 template <int kCount>
 HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)[kCount]) {
   using Activation = Epilogue::Activation;
@@ -105,26 +119,17 @@ HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)
   switch (e.activation) {
     case Activation::kNone:
       break;
-    case Activation::kRelu: {
-      const Vector slope = hn::Set(d, e.slope);
-      change_each(blocks,
-                  [=](Vector x, int) HWY_ATTR { return where_negative(x, leak(slope, x)); });
+    case Activation::kRelu:
+      change_each(blocks, Relu{hn::Set(d, e.slope)});
       break;
-    }
     case Activation::kPrelu:
       change_each(blocks, [=](Vector x, int i) HWY_ATTR {
         return where_negative(x, leak(hn::Load(d, slopes + i * kVectorLanes), x));
       });
       break;
-    case Activation::kClip: {
-      const Vector low = hn::Set(d, e.low), high = hn::Set(d, e.high);
-      change_each(blocks, [=](Vector x, int) HWY_ATTR {
-        // Preserves NaN: comparisons with NaN are false, so x remains.
-        if constexpr (kMaxIsFirstIfGreater) return hn::Min(high, hn::Max(low, x));
-        return hn::IfThenElse(hn::Lt(x, low), low, hn::IfThenElse(hn::Gt(x, high), high, x));
-      });
+    case Activation::kClip:
+      change_each(blocks, Clip{hn::Set(d, e.low), hn::Set(d, e.high)});
       break;
-    }
     default: {
       Block copy[kCount];  // registers have no address
       REVISIT_UNROLL
@@ -154,26 +159,64 @@ class BlockEpilogue {
         slopes_(epilogue.slopes ? epilogue.slopes + block * kLanes : nullptr),
         lanes_(std::min(channels - block * kLanes, kLanes)) {}
 
-  /// Finishes pixels `step` values apart; `addend` is null or that of the first pixel.
+  /// Finishes pixels `step` values apart; `addend` is null or that of the first pixel. Each
+  /// frequent activation has a path of its own: where paths meet, sums would be stored and loaded
+  /// again.
   template <class T, int kCount>
-  HWY_INLINE void finish(Block (&sums)[kCount], const T* addend, T* output,
+  HWY_INLINE void finish(const Block (&sums)[kCount], const T* addend, T* output,
                          int64_t step = kLanes) const {
-    const Block bias = bias_;
-    REVISIT_UNROLL
-    for (Block& sum : sums) sum = sum + bias;
-    if (addend) {
+    using Activation = Epilogue::Activation;
+    const Activation activation = epilogue_.activation;
+    const bool whole = lanes_ >= kLanes;
+    const Tag d;
+    if (whole && activation == Activation::kNone) {
+      write(sums, addend, output, step, [](Vector x, int) HWY_ATTR { return x; });
+    } else if (whole && activation == Activation::kRelu) {
+      write(sums, addend, output, step, Relu{hn::Set(d, epilogue_.slope)});
+    } else if (whole && activation == Activation::kClip) {
+      write(sums, addend, output, step,
+            Clip{hn::Set(d, epilogue_.low), hn::Set(d, epilogue_.high)});
+    } else {
+      Block copy[kCount];  // registers have no address
       REVISIT_UNROLL
-      for (int i = 0; i < kCount; ++i) sums[i] = sums[i] + load_block(addend + i * step);
+      for (int i = 0; i < kCount * kVectors; ++i)
+        copy[i / kVectors].v[i % kVectors] = sums[i / kVectors].v[i % kVectors];
+      finish_any(copy, kCount, addend, output, step);
     }
-    activate(epilogue_, slopes_, sums);
-    // Padding lanes may be nonzero, e.g. for 0 * infinity or activations that map 0 to nonzero.
-    if (lanes_ < kLanes)
-      for (Block& sum : sums) sum = first_lanes(lanes_, sum);
-    REVISIT_UNROLL
-    for (int i = 0; i < kCount; ++i) store_block(sums[i], output + i * step);
   }
 
  private:
+  template <class T, int kCount, class Function>
+  HWY_INLINE void write(const Block (&sums)[kCount], const T* addend, T* output, int64_t step,
+                        const Function& function) const {
+    const Block bias = bias_;
+    const auto write_pixel = [&](int i, Block x) HWY_ATTR {
+      REVISIT_UNROLL
+      for (int v = 0; v < kVectors; ++v) x.v[v] = function(x.v[v], v);
+      store_block(x, output + i * step);
+    };
+    if (addend) {
+      REVISIT_UNROLL
+      for (int i = 0; i < kCount; ++i)
+        write_pixel(i, sums[i] + bias + load_block(addend + i * step));
+    } else {
+      REVISIT_UNROLL
+      for (int i = 0; i < kCount; ++i) write_pixel(i, sums[i] + bias);
+    }
+  }
+
+  template <class T>
+  HWY_NOINLINE void finish_any(const Block* sums, int count, const T* addend, T* output,
+                               int64_t step) const {
+    for (int i = 0; i < count; ++i, output += step) {
+      Block x[1] = {sums[i] + bias_};
+      if (addend) x[0] = x[0] + load_block(addend + i * step);
+      activate(epilogue_, slopes_, x);
+      // Padding lanes may be nonzero, e.g. for 0 * infinity or activations that map 0 to nonzero.
+      store_block(lanes_ < kLanes ? first_lanes(lanes_, x[0]) : x[0], output);
+    }
+  }
+
   Epilogue epilogue_;
   Block bias_;
   const float* slopes_;

@@ -23,10 +23,16 @@ namespace revisit::engine::HWY_NAMESPACE {
 constexpr int kTileBlocks = sum_tile(kRegisters, kVectors).blocks;
 constexpr int kTileColumns = sum_tile(kRegisters, kVectors).columns;
 
+/// With many columns a channel has time for two prefetches. With few, what the next block of
+/// channels needs is prefetched at once.
+constexpr bool kPrefetchesSteadily = kTileColumns == kMaxColumns;
+
 /// Input channels per multiplication: one float32, or two bfloat16 in 4 bytes. Strides count
 /// numbers of type T; weights of `kStep` channels are [kLanes][kStep].
 template <class T>
 constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
+template <class T>
+constexpr int64_t kLine = kLanes* kStep<T>;
 
 HWY_INLINE Vector broadcast(const float* channel) {
   return hn::Set(Tag(), *channel);
@@ -96,8 +102,10 @@ struct Factors {
   int64_t inputs_step;   // stride of blocks; the stride of columns is kLanes
   const T* weights;      // [output block][in_blocks * kLanes / kStep][kLanes][kStep]
   int64_t weights_step;  // stride of output blocks
-  const T* prefetched;   // to prefetch, as much as one output block's weights
-  const T* next;         // to prefetch: the inputs after those of the last block
+  const T* prefetched;   // to prefetch, as much as one output block's weights; `weights`: nothing
+  const T* next;         // to prefetch: the first inputs of the next product
+  int64_t last_channels = kLanes;  // of the last block; the others are zeros
+  int64_t prefetched_lines = 0;  // per block of inputs, if it prefetches at once; set by multiply()
 };
 
 struct StoreProducts {
@@ -125,19 +133,26 @@ void multiply_tile(const Factors<T>& f, int64_t first_block, int64_t first_colum
     REVISIT_UNROLL
     for (int c = 0; c < kColumns; ++c) sums[b][c] = zero_block();
   }
-  constexpr int64_t kWeights = kLanes * kStep<T>;
   const T* HWY_RESTRICT weights = f.weights;
   const T* HWY_RESTRICT inputs = f.inputs;
   const T* prefetched = f.prefetched;
   for (int64_t block = 0; block < f.in_blocks; ++block, inputs += f.inputs_step) {
     const bool last = block + 1 == f.in_blocks;
-    const T* const next = last ? f.next + first_column * kLanes : inputs + f.inputs_step;
+    const T* const next = last ? f.next : inputs + f.inputs_step;
     if (last) sink.template prefetch<kBlocks, kColumns>(first_block, first_column);
-    for (int64_t channel = 0; channel < kLanes;
-         channel += kStep<T>, weights += kWeights, prefetched += kWeights) {
-      hwy::Prefetch(prefetched);
-      const int64_t column = std::min<int64_t>(channel, kColumns - 1);
-      hwy::Prefetch(next + column * kLanes);
+    if constexpr (!kPrefetchesSteadily) {
+      for (int c = 0; c < kColumns; ++c) hwy::Prefetch(next + c * kLanes);
+      for (int64_t i = 0; i < f.prefetched_lines; ++i, prefetched += kLine<T>)
+        hwy::Prefetch(prefetched);
+    }
+    const int64_t channels = last ? f.last_channels : kLanes;
+    for (int64_t channel = 0; channel < channels; channel += kStep<T>, weights += kLine<T>) {
+      if constexpr (kPrefetchesSteadily) {
+        hwy::Prefetch(prefetched);
+        prefetched += kLine<T>;
+        const int64_t column = std::min<int64_t>(channel, kColumns - 1);
+        hwy::Prefetch(next + column * kLanes);
+      }
       Block w[kBlocks];
       REVISIT_UNROLL
       for (int b = 0; b < kBlocks; ++b) w[b] = load_weights(weights + b * f.weights_step);
@@ -157,22 +172,26 @@ void multiply_columns(const Factors<T>& f, int64_t columns, int64_t first_block,
   kFunctions[columns - 1](f, first_block, first_column, sink);
 }
 
-/// Like multiply_tile(), for `blocks` output blocks and up to kMaxColumns columns.
+/// Like multiply_tile(), for `blocks` output blocks and any number of columns. Each tile prefetches
+/// its part of the weights, and the inputs of the next.
 template <class T, class Sink>
 void multiply(const Factors<T>& f, int64_t blocks, int64_t columns, const Sink& sink) {
-  const int64_t parts = (columns + kTileColumns - 1) / kTileColumns;
-  const int64_t width = parts == 1 ? columns : (columns + parts - 1) / parts;
+  const Split tiles = {columns, (columns + kTileColumns - 1) / kTileColumns};
+  const int64_t lines = (kLanes / kStep<T> + tiles.parts - 1) / tiles.parts;
   for (int64_t b = 0; b < blocks; b += kTileBlocks) {
-    for (int64_t first = 0; first < columns; first += width) {
-      const int64_t count = std::min(width, columns - first);
+    for (int64_t tile = 0; tile < tiles.parts; ++tile) {
+      const int64_t first = tiles.begin(tile), end = tiles.end(tile);
       Factors<T> here = f;
       here.weights += b * f.weights_step;
       here.inputs += first * kLanes;
+      if (end < columns) here.next = f.inputs + end * kLanes;
+      here.prefetched_lines = f.prefetched == f.weights ? 0 : lines;
+      here.prefetched += tile * here.prefetched_lines * f.in_blocks * kLine<T>;
       constexpr auto kColumns = std::make_index_sequence<kTileColumns>();
       if (kTileBlocks > 1 && blocks - b > 1)
-        multiply_columns<kTileBlocks>(here, count, b, first, sink, kColumns);
+        multiply_columns<kTileBlocks>(here, end - first, b, first, sink, kColumns);
       else
-        multiply_columns<1>(here, count, b, first, sink, kColumns);
+        multiply_columns<1>(here, end - first, b, first, sink, kColumns);
     }
   }
 }
