@@ -18,6 +18,7 @@ struct Taps {
 
 inline Taps taps_inside(int64_t start, int64_t size, int64_t kernel, int64_t dilation) {
   const WindowRange range(start, (kernel - 1) * dilation + 1, size);
+  if (dilation == 1) return {range.begin - start, range.end - start};  // divisions are slow
   return {(range.begin - start + dilation - 1) / dilation,
           (range.end - start + dilation - 1) / dilation};
 }
@@ -131,10 +132,43 @@ class Depthwise {
                      (plane * p_.out_h + y) * p_.out_w * kLanes,
                      epilogue};
     for (int64_t x = 0; x < whole_.first; ++x) run_at_border(row, x);
-    for (int64_t x = whole_.first; x < whole_.end; x += kPixels)
+    for (int64_t x = run_usual(row); x < whole_.end; x += kPixels)
       run_pixels(row, x, std::min<int64_t>(kPixels, whole_.end - x),
                  std::make_index_sequence<kPixels>());
     for (int64_t x = whole_.end; x < p_.out_w; ++x) run_at_border(row, x);
+  }
+
+  /// Returns the first whole window that remains.
+  int64_t run_usual(const Row& row) const {
+    if (p_.kernel_w != kCommonTaps || p_.dilation_w != 1 || p_.stride_w > 2 ||
+        whole_.end - whole_.first < kPixels)
+      return whole_.first;
+    p_.stride_w == 1 ? run_usual<1>(row) : run_usual<2>(row);
+    return whole_.end;
+  }
+
+  /// Nothing but pointers changes from pixels to pixels, so that their sums begin while those
+  /// before are finished. The last pixels overlap those before.
+  template <int kStride>
+  void run_usual(const Row& row) const {
+    const int64_t rows = row.taps.end - row.taps.first, step = p_.dilation_h * p_.w * kLanes;
+    const T* const in = input_row(row, row.taps.first, -p_.pad_w);
+    const float* const weights = row.weights + row.taps.first * row_weights();
+    const T* const addend = static_cast<const T*>(a_.addend);
+    T* const output = static_cast<T*>(a_.output);
+    const int64_t end = whole_.end, last = end - kPixels;
+    for (int64_t next = whole_.first; next < end; next += kPixels) {
+      const int64_t x = std::min(next, last), at = row.offset + x * kLanes;
+      Block sums[kPixels];
+      REVISIT_UNROLL
+      for (Block& sum : sums) sum = zero_block();
+      const T* from = in + x * kStride * kLanes;
+      const float* w = weights;
+      for (int64_t ky = 0; ky < rows; ++ky, from += step)
+        for (int64_t i = 0; i < channels_.count; ++i, w += kCommonTaps * kLanes)
+          add_taps<kStride>(from, channels_.nth(i), w, sums);
+      row.epilogue.finish(sums, addend ? addend + at : nullptr, output + at);
+    }
   }
 
   void run_at_border(const Row& row, int64_t x) const {
@@ -157,13 +191,7 @@ class Depthwise {
     Block sums[kCount];
     REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i) sums[i] = zero_block();
-    const bool usual = p_.kernel_w == kCommonTaps && p_.dilation_w == 1;
-    if (usual && p_.stride_w == 1)
-      accumulate_common<kCount, 1>(row, x0, sums);
-    else if (usual && p_.stride_w == 2)
-      accumulate_common<kCount, 2>(row, x0, sums);
-    else
-      accumulate<kCount>(row, x0, {0, p_.kernel_w}, sums);
+    accumulate<kCount>(row, x0, {0, p_.kernel_w}, sums);
     finish<kCount>(row, x, sums);
   }
 
@@ -207,23 +235,21 @@ class Depthwise {
   static constexpr int kCommonTaps = 3;
 
   /// Sums in the order of accumulate(), but loads each input once for all taps.
-  template <int kCount, int kStride>
-  HWY_INLINE void accumulate_common(const Row& row, int64_t x0, Block (&sums)[kCount]) const {
-    for_each_input(row, [&](int64_t ky, const auto& load, const float* weights) HWY_ATTR {
-      const T* from = input_row(row, ky, x0);
-      Block w[kCommonTaps];
+  template <int kStride, class Load>
+  HWY_INLINE static void add_taps(const T* from, const Load& load, const float* weights,
+                                  Block (&sums)[kPixels]) {
+    Block w[kCommonTaps];
+    REVISIT_UNROLL
+    for (int kx = 0; kx < kCommonTaps; ++kx) w[kx] = load_block(weights + kx * kLanes);
+    REVISIT_UNROLL
+    for (int j = 0; j < (kPixels - 1) * kStride + kCommonTaps; ++j) {
+      const Block x = load(from + j * kLanes);
       REVISIT_UNROLL
-      for (int kx = 0; kx < kCommonTaps; ++kx) w[kx] = load_block(weights + kx * kLanes);
-      REVISIT_UNROLL
-      for (int j = 0; j < (kCount - 1) * kStride + kCommonTaps; ++j) {
-        const Block x = load(from + j * kLanes);
-        REVISIT_UNROLL
-        for (int kx = j % kStride; kx < kCommonTaps; kx += kStride) {
-          const int i = (j - kx) / kStride;
-          if (kx <= j && i < kCount) sums[i] = mul_add(x, w[kx], sums[i]);
-        }
+      for (int kx = j % kStride; kx < kCommonTaps; kx += kStride) {
+        const int i = (j - kx) / kStride;
+        if (kx <= j && i < kPixels) sums[i] = mul_add(x, w[kx], sums[i]);
       }
-    });
+    }
   }
 
   const ConvolutionProblem& p_;
