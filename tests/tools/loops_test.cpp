@@ -200,7 +200,7 @@ TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
   for (double a = 2; a < 28; a += 0.1)  // a car passed, and a door was opened
     for (double b = 7; b < 13; b += 0.1) {
       add(a, b, 1.4);
-      if (a < 4) add(a, 14.5, (b - 7) / 3);
+      if (a < 4 && b < 9) add(a, 14.5, b - 7);
     }
   write("trails.pcd");
   const std::string build =

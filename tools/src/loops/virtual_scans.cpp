@@ -57,9 +57,10 @@ Site read_site(const FeatureOptions& options) {
   }
   if (!voxels.origin()) throw InputError(options.data.string(), ": there are no points");
   Site site{.origin = *voxels.origin(), .points = {}};
-  for (const Eigen::Vector3d& point : voxels.points())
+  std::vector<int64_t> counts;
+  for (const Eigen::Vector3d& point : voxels.points(&counts))
     site.points.push_back((point - site.origin).cast<float>());
-  remove_trails(site.points);
+  remove_trails(site.points, counts);
   return site;
 }
 

@@ -20,15 +20,17 @@ void VoxelMeans::add(const Eigen::Vector3d& point) {
   ++count;
 }
 
-std::vector<Eigen::Vector3d> VoxelMeans::points() const {
-  std::vector<std::pair<uint64_t, Eigen::Vector3d>> means;
-  means.reserve(voxels_.size());
-  for (const auto& [key, voxel] : voxels_)
-    means.emplace_back(key, *origin_ + voxel.first / static_cast<double>(voxel.second));
-  std::ranges::sort(means, {}, &std::pair<uint64_t, Eigen::Vector3d>::first);
+std::vector<Eigen::Vector3d> VoxelMeans::points(std::vector<int64_t>* counts) const {
+  std::vector<std::pair<uint64_t, const Voxel*>> sorted;
+  sorted.reserve(voxels_.size());
+  for (const auto& [key, voxel] : voxels_) sorted.emplace_back(key, &voxel);
+  std::ranges::sort(sorted, {}, &std::pair<uint64_t, const Voxel*>::first);
   std::vector<Eigen::Vector3d> points;
-  points.reserve(means.size());
-  for (const auto& [key, point] : means) points.push_back(point);
+  points.reserve(sorted.size());
+  for (const auto& [key, voxel] : sorted) {
+    points.push_back(*origin_ + voxel->first / static_cast<double>(voxel->second));
+    if (counts) counts->push_back(voxel->second);
+  }
   return points;
 }
 

@@ -18,12 +18,15 @@ class VoxelMeans {
   /// The first point; absent without any.
   const std::optional<Eigen::Vector3d>& origin() const { return origin_; }
   /// By voxels, in an order that does not depend on that of add(), but on the origin.
-  std::vector<Eigen::Vector3d> points() const;
+  /// `counts`: numbers of points in them.
+  std::vector<Eigen::Vector3d> points(std::vector<int64_t>* counts = nullptr) const;
 
  private:
+  using Voxel = std::pair<Eigen::Vector3d, int64_t>;  // sum from origin_, number of points
+
   double voxel_;
   std::optional<Eigen::Vector3d> origin_;
-  std::unordered_map<uint64_t, std::pair<Eigen::Vector3d, int64_t>> voxels_;  // sum from origin_
+  std::unordered_map<uint64_t, Voxel> voxels_;
 };
 
 }  // namespace revisit::cli

@@ -1,0 +1,62 @@
+#include "loops/site_floor.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "testing.h"
+
+namespace revisit::cli {
+namespace {
+
+/// A street with a wall beside it. A fence stands free, as do those with gates; a car passed along
+/// the wall.
+struct Street {
+  std::vector<Eigen::Vector3f> points;
+  std::vector<int64_t> counts;
+
+  Street(int64_t often, int64_t seldom) {
+    const auto face = [&](double length, double height, int64_t count, const auto& place) {
+      for (double a = 0; a < length; a += 0.15)
+        for (double b = 0; b < height; b += 0.15) {
+          points.push_back(Eigen::Vector3d(place(a, b)).cast<float>());
+          counts.push_back(count);
+        }
+    };
+    using Vector = Eigen::Vector3d;
+    face(40, 20, often, [](double a, double b) { return Vector(a, b, 0); });
+    face(40, 4, often, [](double a, double b) { return Vector(a, 20, b); });
+    face(4, 1.3, 3 * often / 2, [](double a, double b) { return Vector(5 + a, 4, b); });
+    face(4, 1.1, seldom, [](double a, double b) { return Vector(25 + a, 18, 0.3 + b); });
+    face(1.8, 1.1, seldom, [](double a, double b) { return Vector(25, 18 + a, 0.3 + b); });
+  }
+  /// Points above the floor around a place.
+  int64_t standing(double x, double y) const {
+    return std::ranges::count_if(points, [&](const Eigen::Vector3f& p) {
+      return p.z() > 0.25F && (p.head<2>() - Eigen::Vector2d(x, y).cast<float>()).norm() < 1.5F;
+    });
+  }
+};
+
+TEST(SiteFloor, ThingsSeenLessOftenThanTheFloorPassed) {
+  Street street(40, 6);
+  const int64_t fence = street.standing(7, 4), wall = street.standing(10, 20);
+  EXPECT_GT(street.standing(27, 18), 100);
+  remove_trails(street.points, street.counts);
+  EXPECT_EQ(street.standing(27, 18), 0);
+  EXPECT_EQ(street.standing(7, 4), fence);
+  EXPECT_EQ(street.standing(10, 20), wall);
+}
+
+/// Counts of a thinned cloud tell nothing, so shapes decide: the car joins the wall.
+TEST(SiteFloor, ShapesDecideInThinnedClouds) {
+  Street street(1, 1);
+  const int64_t car = street.standing(27, 18), wall = street.standing(10, 20);
+  remove_trails(street.points, street.counts);
+  EXPECT_EQ(street.standing(7, 4), 0);
+  EXPECT_EQ(street.standing(27, 18), car);
+  EXPECT_EQ(street.standing(10, 20), wall);
+}
+
+}  // namespace
+}  // namespace revisit::cli
