@@ -42,8 +42,8 @@ struct ScanSource {
 };
 
 /// Opens a data set, a recording, a folder that grows if `follow` has the longest time [s] between
-/// two scans, or standard input for "-": scans in the format of docs/reference/FORMATS.md, or names of files.
-/// `next` throws InputError if a recording is truncated, and Interrupted.
+/// two scans, or standard input for "-": scans in the format of docs/reference/FORMATS.md, or names
+/// of files. `next` throws InputError if a recording is truncated, and Interrupted.
 ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
                        std::optional<double> follow);
 
