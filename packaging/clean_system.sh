@@ -6,13 +6,16 @@
 # SUITE   bookworm (Debian 12), jammy or noble (Ubuntu 22.04 and 24.04)
 # FOLDER  the system; made if it is not there, with the last commit of this clone in /root/revisit. Delete it afterwards.
 # FILE    lines to follow (- for standard input). Default: README's installation; a new shell then uses what it gave.
+#
+# KEYRING names the keys of Ubuntu's archive for debootstrap. Without them Debian does not check Ubuntu's signatures.
 set -euo pipefail
-[ $# -ge 2 ] || { sed -n '2,8s/^# \?//p' "$0" >&2; exit 2; }
+[ $# -ge 2 ] || { sed -n '2,10s/^# \?//p' "$0" >&2; exit 2; }
 suite=$1 root=$(realpath -m "$2") file=${3:-}
 [ -z "$file" ] || [ "$file" = - ] || file=$(realpath "$file")
 cd "$(dirname "$0")/.."
 case $suite in
-  jammy | noble) mirror=http://archive.ubuntu.com/ubuntu components=main,universe ;;
+  jammy | noble)  # Debian's debootstrap does not know noble, which is made like all Ubuntus since gutsy
+    mirror="http://archive.ubuntu.com/ubuntu /usr/share/debootstrap/scripts/gutsy" components=main,universe ;;
   *) mirror=http://deb.debian.org/debian components=main ;;
 esac
 
