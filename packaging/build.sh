@@ -49,6 +49,7 @@ python=build/packaging_venv/bin/python
 "$python" tests/python/wheel.py -o "$folder"
 "$python" tests/python/wheel.py -o "$folder/engine" --engine
 if [ "$VERSION_CODENAME" = bookworm ]; then
+  tools/install_packages.sh packing
   tools/build.sh program
   cmake --build build/release --target package
   cp build/release/*.deb "$folder/"

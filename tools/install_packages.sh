@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Installs the packages of packages.txt that are missing, on Debian 12, Ubuntu 22.04 and 24.04.
-# Usage: install_packages.sh [engine|demo|program]
+# Usage: install_packages.sh [engine|demo|program|packing]
 set -euo pipefail
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 case "${1:-all}" in
   all) list=$(cat "$here/packages.txt") ;;
-  engine | demo | program) list=$(sed "/^# --- $1 ends here/,\$d" "$here/packages.txt") ;;
-  *) echo "usage: $0 [engine|demo|program]" >&2; exit 2 ;;
+  engine | demo | program | packing) list=$(sed "/^# --- $1 ends here/,\$d" "$here/packages.txt") ;;
+  *) echo "usage: $0 [engine|demo|program|packing]" >&2; exit 2 ;;
 esac
 wanted=$(sed 's/#.*//' <<<"$list" | xargs -n1)
 
