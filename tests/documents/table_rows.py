@@ -69,6 +69,7 @@ def surroundings(program, rows, folder):
 ROWS = {
     'docs/CALIBRATION.md': {'': thresholds},
     'docs/INSTALL.md': {'': 'sizes of packages, which packaging/ measures in clean roots'},
+    'docs/MAPS.md': {'': LONG},
     'docs/MODELS.md': {'': MACHINE},
     'docs/RESULTS.md': {'': LONG, 'Real drives': FOREIGN},
     'docs/SLAM.md': {'': LONG},
