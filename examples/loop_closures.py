@@ -28,9 +28,9 @@ def main():
     for scan, found, _ in recognize(recording.scans(), detector):
         if found.error:
             print(f'{scan.source}: {found.error}', file=sys.stderr)
-        elif found.accepted and found.loop:
-            for frame in found.questioned:
-                print(f'later loops contradict that of frame {frame}', file=sys.stderr)
+        for frame in found.questioned:
+            print(f'later loops contradict that of frame {frame}', file=sys.stderr)
+        if found.accepted and found.loop:
             loop, yaw = found.loop, found.loop.relative_yaw or 0
             print(f'{scan.frame},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(yaw):.1f}')
     print(f'{len(detector.map)} map entries', file=sys.stderr)

@@ -45,7 +45,7 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
   } else {
     const auto related = related_.find(place.drive);
     if (related == related_.end()) return false;
-    const FittingLoop& loop = related->second;
+    const FittingLoop& loop = related->second.loop;
     expected = *loop.pose * loop.T_place_scan * loop.at.given->inverse() * expected;
     path += std::abs(place.path - loop.path) - loop.at.path;
   }
@@ -119,6 +119,8 @@ std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
   if (!fitting_.empty() && std::abs(here_.path - fitting_.back().at.path) < kHalted &&
       agree(loop, fitting_.back()).value_or(false)) {
     std::ranges::copy(loop.frames, std::back_inserter(fitting_.back().frames));
+    if (const auto related = related_.find(place.drive); related != related_.end())
+      std::ranges::copy(loop.frames, std::back_inserter(related->second.frames));
     return questioned;
   }
   for (FittingLoop& before : fitting_) {
@@ -128,14 +130,37 @@ std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
     before.count(*agrees);
     if (!before.is_outvoted()) continue;
     std::erase_if(related_,
-                  [&](const auto& one) { return one.second.at.frame == before.at.frame; });
+                  [&](const auto& one) { return one.second.loop.at.frame == before.at.frame; });
+    for (auto& [drive, relation] : related_) std::erase(relation.frames, before.at.frame);
     if (accepted)
       std::ranges::move(std::exchange(before.frames, {}), std::back_inserter(questioned));
   }
-  const bool relates = !is_of_drive(place.index) && place.pose && here_.given;
-  if (accepted && relates && loop.agreeing > 0) related_.insert_or_assign(place.drive, loop);
+  if (!is_of_drive(place.index) && place.pose && here_.given && loop.agreeing > loop.contradicting)
+    std::ranges::copy(relate(loop, accepted), std::back_inserter(questioned));
   fitting_.push_back(std::move(loop));
   return questioned;
+}
+
+/// A stretch that looks like another may have related the drives. Loops that the relation refutes
+/// overrule it when they are more than those that it accepted. Returns the frames of those.
+std::vector<int64_t> DriveHistory::relate(const FittingLoop& loop, bool accepted) {
+  if (accepted) {
+    const auto [known, is_new] = related_.try_emplace(loop.drive, Relation{loop});
+    Relation& relation = known->second;
+    relation.loop = loop;
+    ++relation.accepted;
+    if (is_new)
+      for (const FittingLoop& before : fitting_)
+        if (before.drive == loop.drive && agree(loop, before).value_or(false))
+          std::ranges::copy(before.frames, std::back_inserter(relation.frames));
+    relation.frames.push_back(loop.at.frame);
+    return {};
+  }
+  const auto related = related_.find(loop.drive);
+  if (related == related_.end() || ++related->second.refuted <= related->second.accepted) return {};
+  std::vector<int64_t> frames = std::move(related->second.frames);
+  related_.erase(related);
+  return frames;
 }
 
 }  // namespace revisit

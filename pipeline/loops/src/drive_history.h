@@ -89,12 +89,20 @@ class DriveHistory : public Odometry {
     bool is_outvoted() const { return contradicting >= agreeing + 2; }
   };
 
+  /// What relates the worlds of both drives' poses.
+  struct Relation {
+    FittingLoop loop;                  // the last one that it accepted
+    std::vector<int64_t> frames = {};  // of accepted loops
+    int accepted = 0, refuted = 0;     // loops that agree with others
+  };
+
   FittingLoop fitting(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const {
     return {place.index, place.drive, place.pose, place.path, T_place_scan, here_};
   }
   bool is_refuted_by_motion(const Position& place, const Eigen::Isometry3d& T_place_scan) const;
   /// Absent: unknown.
   std::optional<bool> agree(const FittingLoop& one, const FittingLoop& before) const;
+  std::vector<int64_t> relate(const FittingLoop& loop, bool accepted);
   void sample(const SeenScan& scan);
   std::optional<Eigen::Isometry3d> between(const CandidatePlace& to, const CandidatePlace& from,
                                            const Eigen::Isometry3d& expected) const;
@@ -106,7 +114,7 @@ class DriveHistory : public Odometry {
   std::deque<int64_t> upright_;                    // of sampled scans: numbers of upright points
   std::deque<AcceptedLoop> accepted_;              // of the last meters
   std::deque<FittingLoop> fitting_;                // of the last 30 m
-  std::map<std::string, FittingLoop> related_;     // other drive -> last loop that relates it
+  std::map<std::string, Relation> related_;        // other drive -> its relation to this one
   std::unordered_map<int64_t, Position> entries_;  // index -> position, of this drive
 };
 

@@ -88,6 +88,7 @@ struct LoopDetector::Impl {
   Verification verification;
   std::optional<int64_t> last;  // index of the entry of the preceding scan
   std::optional<int64_t> last_frame;
+  std::vector<int64_t> questioned;  // frames, since the last entry
   bool identified = false;
   int64_t loadings = 0;  // Map::refresh() at the latest scan
   // frame -> index of its scans that the map had before; `ahead`: those not reached yet.
@@ -269,6 +270,7 @@ void LoopDetector::Impl::match(const Description& scan, const SeenScan& seen, De
 void LoopDetector::Impl::store(const Description& scan, const SeenScan& seen,
                                const ScanStamp& stamp, Detection& found) {
   const auto scale = verifies ? std::optional(verification.scale()) : std::nullopt;
+  std::ranges::copy(found.questioned, std::back_inserter(questioned));
   if (!found.index && !is_first_halt(scan) && keyframes.is_one(map, scan, stamp.pose)) {
     MapEntry entry{.drive = options.drive,
                    .frame = stamp.frame,
@@ -280,10 +282,11 @@ void LoopDetector::Impl::store(const Description& scan, const SeenScan& seen,
       entry.loops = {{.place = found.loop->id,
                       .T_place_query = found.registered->T_place_query,
                       .information = found.registered->information}};
-    if (!found.questioned.empty())
+    if (!questioned.empty())
       for (const auto& [frame, index] : map.entries_of(options.drive))
-        if (std::ranges::find(found.questioned, frame) != found.questioned.end())
+        if (std::ranges::find(questioned, frame) != questioned.end())
           entry.questioned.push_back(map.entry(index).id);
+    questioned.clear();
     found.index = map.add({std::move(entry)}, scan.made_by).front();
     for (RecentEntries& one : recent) one.add(*found.index);
   }

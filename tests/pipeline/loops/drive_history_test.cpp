@@ -152,6 +152,22 @@ TEST(DriveHistory, TwoLoopsRelateTheWorldsOfTwoDrives) {
   EXPECT_EQ(pass.loop(82, 5), SecondPass::Result());
 }
 
+TEST(DriveHistory, MoreLoopsThanRelatedTwoDrivesEndTheirRelation) {
+  SecondPass pass;
+  pass.world = Motion(1000, 50, 3);
+  pass.first = 500;
+  pass.drive = "tuesday";
+  for (const int x : {0, 1, 2, 3}) EXPECT_EQ(pass.loop(x, 30), SecondPass::Result());
+  const SecondPass::Result refuted("odometry", SecondPass::Frames());
+  EXPECT_EQ(pass.loop(60, 0), refuted) << "nothing on 30 m agrees with it";
+  for (const int x : {61, 62, 63})
+    EXPECT_EQ(pass.loop(x, 0), refuted);  // three loops were accepted
+  const SecondPass::Frames all{1000, 1001, 1002, 1003};
+  EXPECT_EQ(pass.loop(64, 0), SecondPass::Result("odometry", all));
+  EXPECT_EQ(pass.loop(65, 0), SecondPass::Result());
+  EXPECT_EQ(pass.loop(66, 30).first, "odometry") << "the others relate the drives now";
+}
+
 TEST(OdometryGate, IsParsed) {
   EXPECT_FALSE(parse_odometry_gate("none"));
   const auto gate = parse_odometry_gate("3,0.1,1e9");

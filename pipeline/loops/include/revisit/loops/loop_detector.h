@@ -110,8 +110,8 @@ struct Detection {
   /// "odometry": the poses or the registered motion exclude it; "inconsistent": other loops of the
   /// last 30 m do. "ambiguous" in any case.
   std::string rejection;
-  /// Frames of scans of the last 30 m whose accepted loops are called in question: `loop` and
-  /// others contradict them. Remove them from the pose graph.
+  /// Frames of earlier scans whose accepted loops are called in question: `loop` and others
+  /// contradict them. `loop` need not be accepted. Remove them from the pose graph.
   std::vector<int64_t> questioned;
   std::vector<int64_t> excluded;  ///< indices of temporal neighbors
 };
