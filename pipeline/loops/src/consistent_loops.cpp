@@ -37,7 +37,10 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
                               const Eigen::Isometry3d& T_place_scan) const {
   const auto before = entries_.find(place.index);
   if (!place.pose || !here_.given)
-    return before != entries_.end() && is_refuted_by_motion(before->second, T_place_scan);
+    return before != entries_.end() &&
+           is_refuted_by_motion(
+               before->second,
+               (before->second.pose * T_place_scan).translation() - here_.pose.translation(), 0);
   Eigen::Isometry3d expected = *here_.given;  // in the world of the place
   double path = here_.path;
   if (before != entries_.end()) {
@@ -49,23 +52,33 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
     expected = *loop.pose * loop.T_place_scan * loop.at.given->inverse() * expected;
     path += std::abs(place.path - loop.path) - loop.at.path;
   }
-  const Eigen::Isometry3d scan = *place.pose * T_place_scan;
-  const Eigen::Vector3d apart = scan.translation() - expected.translation();
-  // Worlds have any axes; the sensor's tilt is small.
-  const Eigen::Vector3d up = (place.pose->linear().col(2) + expected.linear().col(2)).normalized();
-  const double height = apart.dot(up);
-  return (apart - height * up).norm() > gate_.base + gate_.rate * path ||
-         std::abs(height) > gate_.height + gate_.rate / 20 * path;
+  return is_beyond((*place.pose * T_place_scan).translation() - expected.translation(),
+                   place.pose->linear().col(2) + expected.linear().col(2), path, 0);
+}
+
+bool DriveHistory::is_out_of_reach(int64_t index, double reach) const {
+  const Position& place = entries_.at(index);
+  if (!place.given || !here_.given)
+    return is_refuted_by_motion(place, place.pose.translation() - here_.pose.translation(), reach);
+  return is_beyond(place.given->translation() - here_.given->translation(),
+                   place.given->linear().col(2) + here_.given->linear().col(2),
+                   here_.path - place.path, reach);
+}
+
+/// `up`: of any length. Worlds have any axes; the sensor's tilt is small.
+bool DriveHistory::is_beyond(const Eigen::Vector3d& apart, const Eigen::Vector3d& up, double path,
+                             double reach) const {
+  const double height = apart.dot(up.normalized());
+  return (apart - height * up.normalized()).norm() > gate_.base + gate_.rate * path + reach ||
+         std::abs(height) > gate_.height + gate_.rate / 20 * path + reach;
 }
 
 /// By consecutive registrations. Their drift was at most 6 % of the path, in height 7 %.
-bool DriveHistory::is_refuted_by_motion(const Position& place,
-                                        const Eigen::Isometry3d& T_place_scan) const {
+bool DriveHistory::is_refuted_by_motion(const Position& place, const Eigen::Vector3d& apart,
+                                        double reach) const {
   constexpr double kWider = 2;  // than the limits for odometry at first
   if (place.stretch != here_.stretch) return false;
-  const double drift = gate_.rate * (here_.path - place.path);
-  const Eigen::Vector3d apart =
-      (place.pose * T_place_scan).translation() - here_.pose.translation();
+  const double drift = gate_.rate * (here_.path - place.path) + reach;
   return apart.head<2>().norm() > kWider * gate_.base + drift ||
          std::abs(apart.z()) > kWider * gate_.height + drift;
 }

@@ -54,6 +54,8 @@ class DriveHistory : public Odometry {
   /// The poses of both refute the loop: odometry does not drift that much. Of another drive: the
   /// poses and the loops that relate both drives.
   bool is_refuted(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
+  /// So is every loop to the entry of this drive whose scans are at most `reach` apart [m].
+  bool is_out_of_reach(int64_t index, double reach) const;
   /// Rejection of a loop that is accepted otherwise: "odometry", "inconsistent" or "".
   std::string objection(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
   /// Index of the place of a loop accepted on the last 10 m.
@@ -99,7 +101,10 @@ class DriveHistory : public Odometry {
   FittingLoop fitting(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const {
     return {place.index, place.drive, place.pose, place.path, T_place_scan, here_};
   }
-  bool is_refuted_by_motion(const Position& place, const Eigen::Isometry3d& T_place_scan) const;
+  bool is_beyond(const Eigen::Vector3d& apart, const Eigen::Vector3d& up, double path,
+                 double reach) const;
+  bool is_refuted_by_motion(const Position& place, const Eigen::Vector3d& apart,
+                            double reach) const;
   /// Absent: unknown.
   std::optional<bool> agree(const FittingLoop& one, const FittingLoop& before) const;
   std::vector<int64_t> relate(const FittingLoop& loop, bool accepted);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
+#include <numbers>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -109,7 +110,11 @@ std::optional<Verification::PreparedEntry> Verification::prepared_entry(int64_t 
 /// Returns the rejection, "" if only the score decides.
 std::string Verification::register_entry(const SeenScan& query, const DriveHistory& history,
                                          Candidate& candidate) const {
+  constexpr double kSlack = 5;  // what ICP adds to the search, and mounts [m]
   const Loop& loop = candidate.loop;
+  const double reach = std::numbers::sqrt2 * options_.registration.search_radius + kSlack;
+  if (history.is_of_drive(loop.index) && history.is_out_of_reach(loop.index, reach))
+    return "odometry";
   const std::optional<PreparedEntry> stored = prepared_entry(loop.id);
   if (!stored) return "no points";
   const auto& [id, mount, place] = *stored;
