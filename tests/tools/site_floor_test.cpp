@@ -58,5 +58,25 @@ TEST(SiteFloor, ShapesDecideInThinnedClouds) {
   EXPECT_EQ(street.standing(10, 20), wall);
 }
 
+TEST(SiteFloor, GoesOnBeyondWhatStandsAcrossIt) {
+  std::vector<Eigen::Vector3f> points;
+  const auto face = [&](Eigen::Vector2f from, Eigen::Vector2f to, float z) {
+    for (float x = from.x(); x < to.x(); x += 0.2F)
+      for (float y = from.y(); y < to.y(); y += 0.2F) points.emplace_back(x, y, z);
+  };
+  face({0, 0}, {300, 10}, 0);
+  for (float z = 0; z < 2; z += 0.2F) face({280, 0}, {282, 10}, z);  // a hedge
+  face({60, 15}, {75, 25}, 5);                                       // a roof
+  const auto nodes = floor_nodes(points);
+  const auto within = [&](float from, float to) {
+    return std::ranges::count_if(
+        nodes, [&](const auto& p) { return p.x() > from && p.x() < to && p.z() < 1; });
+  };
+  EXPECT_GT(within(0, 280), 100);
+  EXPECT_EQ(within(279, 283), 0);
+  EXPECT_GT(within(283, 300), 8);
+  EXPECT_EQ(std::ranges::count_if(nodes, [](const auto& p) { return p.z() > 1; }), 0);
+}
+
 }  // namespace
 }  // namespace revisit::cli

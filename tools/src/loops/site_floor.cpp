@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <unordered_map>
 #include <utility>
 
@@ -221,12 +222,11 @@ class Floor {
   /// Cells near the nodes of a grid.
   std::vector<Eigen::Vector3f> nodes() {
     constexpr float kGrid = 4;  // [m]
-    const std::vector<Part> parts = parts_of(free_);
-    int64_t largest = 0;
-    for (const Part& part : parts) largest = std::max(largest, part.size);
+    const std::vector<int64_t> sizes = joined_sizes();
+    const int64_t largest = sizes.empty() ? 0 : std::ranges::max(sizes);
     std::map<Cell, Eigen::Vector3f> chosen;
     for (const auto& [cell, part] : free_) {
-      if (10 * parts[static_cast<size_t>(part)].size < largest) continue;
+      if (10 * sizes[static_cast<size_t>(part)] < largest) continue;
       const Eigen::Vector3f center(static_cast<float>(cell.first) + 0.5F,
                                    static_cast<float>(cell.second) + 0.5F, lowest_.at(cell));
       chosen.try_emplace(cell_of(center, kGrid), center);
@@ -237,6 +237,31 @@ class Floor {
   }
 
  private:
+  /// Of each part, with those beyond a hedge or what is left of traffic. Roofs are no such parts.
+  std::vector<int64_t> joined_sizes() {
+    constexpr int kGap = 8;          // [m]
+    constexpr float kHeight = 0.5F;  // [m]
+    const std::vector<Part> parts = parts_of(free_);
+    std::vector<size_t> group(parts.size());
+    std::iota(group.begin(), group.end(), size_t{0});
+    const auto group_of = [&](int part) {
+      auto at = static_cast<size_t>(part);
+      while (group[at] != at) at = group[at] = group[group[at]];
+      return at;
+    };
+    for (const auto& [cell, part] : free_)
+      around(cell, kGap, [&](const Cell& near) {
+        const auto other = free_.find(near);
+        if (other != free_.end() && other->second != part &&
+            std::abs(lowest_.at(near) - lowest_.at(cell)) < kHeight)
+          group[group_of(other->second)] = group_of(part);
+      });
+    std::vector<int64_t> sizes(parts.size(), 0);
+    for (size_t i = 0; i < parts.size(); ++i) sizes[group_of(static_cast<int>(i))] += parts[i].size;
+    for (size_t i = 0; i < parts.size(); ++i) sizes[i] = sizes[group_of(static_cast<int>(i))];
+    return sizes;
+  }
+
   bool is_free(const Cell& cell) const {
     constexpr float kSlope = 0.3F;  // between cells [m]
     bool free = true;
