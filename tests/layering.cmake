@@ -26,7 +26,7 @@ set(owned_libraries
   "liblzf/|pipeline/datasets/src/io/pcd"
   "pcl/|pipeline/baselines/src/pcl/"
   "embree[34]/|simulator/src/ray_caster"
-  "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
+  "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/|pipeline/registration/src/nearest_neighbors"
   "sqlite3.h|pipeline/maps/src/"
   "faiss/|pipeline/recognition/src/faiss/"
   "libpq-fe|pipeline/maps/src/postgres/"

@@ -1,95 +1,87 @@
 #include "nearest_neighbors.h"
 
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "nearest_neighbors.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/highway.h>
+
 #include <algorithm>
 #include <limits>
 
-namespace revisit {
+HWY_BEFORE_NAMESPACE();
+namespace revisit::HWY_NAMESPACE {
 namespace {
 
-constexpr int kLanes = 8;           // points compared at once
-constexpr float kRounding = 1e-3F;  // of coordinates, less than this [m]
+namespace hn = hwy::HWY_NAMESPACE;
+constexpr hn::CappedTag<float, 8> kD;  // points compared at once
 
-}  // namespace
-
-NearestNeighbors::NearestNeighbors(const std::vector<Eigen::Vector3f>& points, float square)
-    : square_(square), per_meter_(1 / square), least_(points[0]) {
-  Eigen::Vector3f most = points[0];
-  for (const Eigen::Vector3f& point : points) {
-    least_ = least_.cwiseMin(point);
-    most = most.cwiseMax(point);
-  }
-  rows_ = 1 + static_cast<int>((most.x() - least_.x()) * per_meter_);
-  columns_ = 1 + static_cast<int>((most.y() - least_.y()) * per_meter_);
-  std::vector<uint32_t> cells;
-  cells.reserve(points.size());
-  starts_.resize(static_cast<size_t>(rows_) * static_cast<size_t>(columns_) + 1);
-  for (const Eigen::Vector3f& point : points) {
-    const int row = steps(point.x(), least_.x(), rows_);
-    const int cell = row * columns_ + steps(point.y(), least_.y(), columns_);
-    cells.push_back(static_cast<uint32_t>(cell));
-    ++starts_[cells.back() + 1];
-  }
-  for (size_t i = 1; i < starts_.size(); ++i) starts_[i] += starts_[i - 1];
-  std::vector<uint32_t> next(starts_.begin(), starts_.end() - 1);
-  order_.resize(points.size());
-  sorted_.setConstant(std::ssize(points) + kLanes - 1, 3, std::numeric_limits<float>::infinity());
-  for (uint32_t i = 0; i < points.size(); ++i) {
-    const uint32_t at = next[cells[i]]++;
-    order_[at] = i;
-    sorted_.row(at) = points[i];
-  }
-}
-
+/// take(squared distance, position in the sorted points) of points below `limit`, which it may
+/// lower; false ends the search.
 template <class Take>
-bool NearestNeighbors::search_run(uint32_t begin, uint32_t end, const Eigen::Vector3f& place,
-                                  float& limit, const Take& take) const {
-  using Lanes = Eigen::Array<float, kLanes, 1>;
-  for (uint32_t at = begin; at < end; at += kLanes) {
-    const auto lanes = [&](int axis) { return Lanes::Map(&sorted_(at, axis)) - place[axis]; };
-    const Lanes squared = lanes(0).square() + lanes(1).square() + lanes(2).square();
-    if (!(squared.head<kLanes / 2>().min(squared.tail<kLanes / 2>()).minCoeff() < limit)) continue;
-    for (uint32_t i = at; i < std::min(at + kLanes, end); ++i)
-      if (squared[i - at] < limit && !take(squared[i - at], i)) return false;
+HWY_INLINE bool search_run(const PointSquares& squares, uint32_t begin, uint32_t end,
+                           const Eigen::Vector3f& place, float& limit, const Take& take) {
+  const auto lanes = static_cast<uint32_t>(hn::Lanes(kD));
+  const auto rows = static_cast<size_t>(squares.sorted.rows());
+  const float* points = squares.sorted.data();
+  for (uint32_t at = begin; at < end; at += lanes) {
+    const auto square_of = [&](size_t axis, float to) {
+      const auto apart = hn::Sub(hn::LoadU(kD, points + axis * rows + at), hn::Set(kD, to));
+      return hn::Mul(apart, apart);
+    };
+    const auto squared =
+        hn::Add(hn::Add(square_of(0, place.x()), square_of(1, place.y())), square_of(2, place.z()));
+    if (hn::AllFalse(kD, hn::Lt(squared, hn::Set(kD, limit)))) continue;
+    HWY_ALIGN float values[8];
+    hn::Store(squared, kD, values);
+    for (uint32_t i = at; i < std::min(at + lanes, end); ++i)
+      if (values[i - at] < limit && !take(values[i - at], i)) return false;
   }
   return true;
 }
 
 template <class Take>
-void NearestNeighbors::search(const Eigen::Vector3f& place, float& limit, const Take& take) const {
+HWY_INLINE void search(const PointSquares& squares, const Eigen::Vector3f& place, float& limit,
+                       const Take& take) {
+  constexpr float kRounding = 1e-3F;  // of coordinates, less than this [m]
+  const Eigen::Vector3f& least = squares.least;
   // False if the row is out of reach, or at the end of the search.
-  const auto visit = [&](int row) {
-    const float from = least_.x() + static_cast<float>(row) * square_;
-    const float across = std::max({0.F, from - place.x(), place.x() - from - square_}) - kRounding;
+  const auto visit = [&](int row) HWY_ATTR {
+    const float from = least.x() + static_cast<float>(row) * squares.edge;
+    const float across =
+        std::max({0.F, from - place.x(), place.x() - from - squares.edge}) - kRounding;
     const float rest = across > 0 ? limit - across * across : limit;
     if (!(rest > 0)) return false;
     const float reach = std::sqrt(rest) + kRounding;
-    const int first = row * columns_ + steps(place.y() - reach, least_.y(), columns_);
-    const int last = row * columns_ + steps(place.y() + reach, least_.y(), columns_);
-    return search_run(starts_[static_cast<size_t>(first)], starts_[static_cast<size_t>(last) + 1],
-                      place, limit, take);
+    const int first =
+        row * squares.columns + squares.steps(place.y() - reach, least.y(), squares.columns);
+    const int last =
+        row * squares.columns + squares.steps(place.y() + reach, least.y(), squares.columns);
+    return search_run(squares, squares.starts[static_cast<size_t>(first)],
+                      squares.starts[static_cast<size_t>(last) + 1], place, limit, take);
   };
-  const int middle = steps(place.x(), least_.x(), rows_);
+  const int middle = squares.steps(place.x(), least.x(), squares.rows);
   visit(middle);
   for (int row = middle - 1; row >= 0 && visit(row);) --row;
-  for (int row = middle + 1; row < rows_ && visit(row);) ++row;
+  for (int row = middle + 1; row < squares.rows && visit(row);) ++row;
 }
 
-size_t NearestNeighbors::nearest(const Eigen::Vector3f& place, float limit,
-                                 std::span<Neighbor> found) const {
+size_t nearest_simd(const PointSquares& squares, const Eigen::Vector3f& place, float limit,
+                    std::span<Neighbor> found) {
   size_t count = 0;
-  search(place, limit, [&](float squared, uint32_t at) {
+  search(squares, place, limit, [&](float squared, uint32_t at) {
     size_t i = count < found.size() ? count++ : count - 1;
     for (; i > 0 && found[i - 1].squared > squared; --i) found[i] = found[i - 1];
-    found[i] = {squared, order_[at]};
+    found[i] = {squared, squares.order[at]};
     if (count == found.size()) limit = found.back().squared;
     return true;
   });
   return count;
 }
 
-bool NearestNeighbors::any_within(const Eigen::Vector3f& place, float limit) const {
+bool any_within_simd(const PointSquares& squares, const Eigen::Vector3f& place, float limit) {
   bool found = false;
-  search(place, limit, [&](float, uint32_t) {
+  search(squares, place, limit, [&](float, uint32_t) {
     found = true;
     limit = 0;
     return false;
@@ -97,4 +89,56 @@ bool NearestNeighbors::any_within(const Eigen::Vector3f& place, float limit) con
   return found;
 }
 
+}  // namespace
+}  // namespace revisit::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit {
+
+HWY_EXPORT(nearest_simd);
+HWY_EXPORT(any_within_simd);
+
+NearestNeighbors::NearestNeighbors(const std::vector<Eigen::Vector3f>& points, float square) {
+  constexpr int kPadding = 7;  // the last vector begins at the last point
+  PointSquares& to = squares_;
+  to.edge = square;
+  to.per_meter = 1 / square;
+  Eigen::Vector3f most = to.least = points[0];
+  for (const Eigen::Vector3f& point : points) {
+    to.least = to.least.cwiseMin(point);
+    most = most.cwiseMax(point);
+  }
+  to.rows = 1 + static_cast<int>((most.x() - to.least.x()) * to.per_meter);
+  to.columns = 1 + static_cast<int>((most.y() - to.least.y()) * to.per_meter);
+  std::vector<uint32_t> cells;
+  cells.reserve(points.size());
+  to.starts.resize(static_cast<size_t>(to.rows) * static_cast<size_t>(to.columns) + 1);
+  for (const Eigen::Vector3f& point : points) {
+    const int row = to.steps(point.x(), to.least.x(), to.rows);
+    const int cell = row * to.columns + to.steps(point.y(), to.least.y(), to.columns);
+    cells.push_back(static_cast<uint32_t>(cell));
+    ++to.starts[cells.back() + 1];
+  }
+  for (size_t i = 1; i < to.starts.size(); ++i) to.starts[i] += to.starts[i - 1];
+  std::vector<uint32_t> next(to.starts.begin(), to.starts.end() - 1);
+  to.order.resize(points.size());
+  to.sorted.setConstant(std::ssize(points) + kPadding, 3, std::numeric_limits<float>::infinity());
+  for (uint32_t i = 0; i < points.size(); ++i) {
+    const uint32_t at = next[cells[i]]++;
+    to.order[at] = i;
+    to.sorted.row(at) = points[i];
+  }
+}
+
+size_t NearestNeighbors::nearest(const Eigen::Vector3f& place, float limit,
+                                 std::span<Neighbor> found) const {
+  return HWY_DYNAMIC_DISPATCH(nearest_simd)(squares_, place, limit, found);
+}
+
+bool NearestNeighbors::any_within(const Eigen::Vector3f& place, float limit) const {
+  return HWY_DYNAMIC_DISPATCH(any_within_simd)(squares_, place, limit);
+}
+
 }  // namespace revisit
+#endif  // HWY_ONCE
