@@ -1,6 +1,7 @@
 #include "revisit/registration/free_space.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -176,7 +177,8 @@ bool floats(const FreeSpace::Parts& there, double scale, const Eigen::Vector3d& 
 /// space, 0 if neither.
 int shown_by(const FreeSpace::Parts& there, double scale, const Eigen::Vector3d& point) {
   const double near = kNear * scale;
-  if (there.scan.parts().tree->any_within(point.cast<float>(), static_cast<float>(near * near)))
+  std::array<Neighbor, 1> found;
+  if (there.scan.parts().tree->nearest(point.cast<float>(), static_cast<float>(near * near), found))
     return 1;
   return floats(there, scale, point) ? -1 : 0;
 }

@@ -7,6 +7,7 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 HWY_BEFORE_NAMESPACE();
@@ -16,11 +17,10 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 constexpr hn::CappedTag<float, 8> kD;  // points compared at once
 
-/// take(squared distance, position in the sorted points) of points below `limit`, which it may
-/// lower; false ends the search.
+/// take(squared distance, position in the sorted points) of points below `limit`, which it lowers.
 template <class Take>
-HWY_INLINE bool search_run(const PointSquares& squares, uint32_t begin, uint32_t end,
-                           const Eigen::Vector3f& place, float& limit, const Take& take) {
+HWY_INLINE void search_run(const PointSquares& squares, uint32_t begin, uint32_t end,
+                           const Eigen::Vector3f& place, const float& limit, const Take& take) {
   const auto lanes = static_cast<uint32_t>(hn::Lanes(kD));
   const auto rows = static_cast<size_t>(squares.sorted.rows());
   const float* points = squares.sorted.data();
@@ -35,17 +35,22 @@ HWY_INLINE bool search_run(const PointSquares& squares, uint32_t begin, uint32_t
     HWY_ALIGN float values[8];
     hn::Store(squared, kD, values);
     for (uint32_t i = at; i < std::min(at + lanes, end); ++i)
-      if (values[i - at] < limit && !take(values[i - at], i)) return false;
+      if (values[i - at] < limit) take(values[i - at], i);
   }
-  return true;
 }
 
-template <class Take>
-HWY_INLINE void search(const PointSquares& squares, const Eigen::Vector3f& place, float& limit,
-                       const Take& take) {
+size_t nearest_simd(const PointSquares& squares, const Eigen::Vector3f& place, float limit,
+                    std::span<Neighbor> found) {
   constexpr float kRounding = 1e-3F;  // of coordinates, less than this [m]
   const Eigen::Vector3f& least = squares.least;
-  // False if the row is out of reach, or at the end of the search.
+  size_t count = 0;
+  const auto take = [&](float squared, uint32_t at) {
+    size_t i = count < found.size() ? count++ : count - 1;
+    for (; i > 0 && found[i - 1].squared > squared; --i) found[i] = found[i - 1];
+    found[i] = {squared, squares.order[at]};
+    if (count == found.size()) limit = found.back().squared;
+  };
+  // False if the row is out of reach.
   const auto visit = [&](int row) HWY_ATTR {
     const float from = least.x() + static_cast<float>(row) * squares.edge;
     const float across =
@@ -53,40 +58,19 @@ HWY_INLINE void search(const PointSquares& squares, const Eigen::Vector3f& place
     const float rest = across > 0 ? limit - across * across : limit;
     if (!(rest > 0)) return false;
     const float reach = std::sqrt(rest) + kRounding;
-    const int first =
-        row * squares.columns + squares.steps(place.y() - reach, least.y(), squares.columns);
-    const int last =
-        row * squares.columns + squares.steps(place.y() + reach, least.y(), squares.columns);
-    return search_run(squares, squares.starts[static_cast<size_t>(first)],
-                      squares.starts[static_cast<size_t>(last) + 1], place, limit, take);
+    const auto square_at = [&](float y) {
+      return static_cast<size_t>(row * squares.columns +
+                                 squares.steps(y, least.y(), squares.columns));
+    };
+    search_run(squares, squares.starts[square_at(place.y() - reach)],
+               squares.starts[square_at(place.y() + reach) + 1], place, limit, take);
+    return true;
   };
   const int middle = squares.steps(place.x(), least.x(), squares.rows);
   visit(middle);
   for (int row = middle - 1; row >= 0 && visit(row);) --row;
   for (int row = middle + 1; row < squares.rows && visit(row);) ++row;
-}
-
-size_t nearest_simd(const PointSquares& squares, const Eigen::Vector3f& place, float limit,
-                    std::span<Neighbor> found) {
-  size_t count = 0;
-  search(squares, place, limit, [&](float squared, uint32_t at) {
-    size_t i = count < found.size() ? count++ : count - 1;
-    for (; i > 0 && found[i - 1].squared > squared; --i) found[i] = found[i - 1];
-    found[i] = {squared, squares.order[at]};
-    if (count == found.size()) limit = found.back().squared;
-    return true;
-  });
   return count;
-}
-
-bool any_within_simd(const PointSquares& squares, const Eigen::Vector3f& place, float limit) {
-  bool found = false;
-  search(squares, place, limit, [&](float, uint32_t) {
-    found = true;
-    limit = 0;
-    return false;
-  });
-  return found;
 }
 
 }  // namespace
@@ -97,7 +81,6 @@ HWY_AFTER_NAMESPACE();
 namespace revisit {
 
 HWY_EXPORT(nearest_simd);
-HWY_EXPORT(any_within_simd);
 
 NearestNeighbors::NearestNeighbors(const std::vector<Eigen::Vector3f>& points, float square) {
   constexpr int kPadding = 7;  // the last vector begins at the last point
@@ -134,10 +117,6 @@ NearestNeighbors::NearestNeighbors(const std::vector<Eigen::Vector3f>& points, f
 size_t NearestNeighbors::nearest(const Eigen::Vector3f& place, float limit,
                                  std::span<Neighbor> found) const {
   return HWY_DYNAMIC_DISPATCH(nearest_simd)(squares_, place, limit, found);
-}
-
-bool NearestNeighbors::any_within(const Eigen::Vector3f& place, float limit) const {
-  return HWY_DYNAMIC_DISPATCH(any_within_simd)(squares_, place, limit);
 }
 
 }  // namespace revisit

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -40,9 +39,6 @@ class NearestNeighbors {
   /// Fills `found`, nearest first, with squared distances below `limit` [m^2]. Returns their
   /// number.
   size_t nearest(const Eigen::Vector3f& place, float limit, std::span<Neighbor> found) const;
-
-  /// True if a point is nearer than a squared distance of `limit` [m^2].
-  bool any_within(const Eigen::Vector3f& place, float limit) const;
 
  private:
   PointSquares squares_;
