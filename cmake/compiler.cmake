@@ -57,9 +57,15 @@ function(revisit_alone)
   set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
 
+# What is faster with more than -O1 is compiled so in a release and in the developer build.
+set(REVISIT_OPTIMIZED $<CONFIG:Release>)
+if(NOT REVISIT_SANITIZE AND NOT REVISIT_FUZZ)
+  set(REVISIT_OPTIMIZED $<CONFIG:Release,RelWithDebInfo>)
+endif()
+
 # revisit_optimize(TARGET): runs for every scan or layer.
 function(revisit_optimize target)
-  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O2>)
+  target_compile_options(${target} PRIVATE $<${REVISIT_OPTIMIZED}:-O2>)
 endfunction()
 
 # revisit_batch(TARGET BATCH FILES...): the list of files BATCH gets one more, which includes FILES instead of compiling each.
@@ -113,7 +119,7 @@ function(revisit_kernels target)
     endwhile()
   endif()
   revisit_alone(${files})
-  set_property(SOURCE ${files} APPEND PROPERTY COMPILE_OPTIONS $<$<CONFIG:Release>:-O3>)
+  set_property(SOURCE ${files} APPEND PROPERTY COMPILE_OPTIONS $<${REVISIT_OPTIMIZED}:-O3>)
   set_property(SOURCE ${files} APPEND PROPERTY COMPILE_DEFINITIONS ${kernels_DEFINE})
 endfunction()
 

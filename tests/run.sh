@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Installs missing packages, builds, and runs every test: first the developer build, then the tests
-# for the address and undefined-behavior sanitizers. Further arguments go to ctest, whose tests
-# are the files of tests/:
+# Installs missing packages, builds, and runs every test of the developer build, then those of code that reads what users
+# hand over, under the address and undefined-behavior sanitizers. Further arguments go to ctest, whose tests are the files
+# of tests/:
 #   tests/run.sh -R tools.models
 # REVISIT_SKIP_SANITIZERS=1 skips the second part. --sanitizers as the first argument instead runs every test, the
 # program and the Python package under the address and undefined-behavior sanitizers, then every test under the thread sanitizer.
@@ -43,4 +43,4 @@ fi
 run dev "$@"
 awk '/^\[  SKIPPED \] [0-9]/ { n += $4 } END { if (n) print n " tests say in LastTest.log why they were skipped" }' \
   build/dev/Testing/Temporary/LastTest.log
-[ "${REVISIT_SKIP_SANITIZERS:-}" = 1 ] || run asan "$@"
+[ "${REVISIT_SKIP_SANITIZERS:-}" = 1 ] || run readers "$@"

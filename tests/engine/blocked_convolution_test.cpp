@@ -47,8 +47,8 @@ test::AlignedFloats pack(const BlockedConvolutionKernel& kernel, const BlockedCa
   return packed;
 }
 
-test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const BlockedCase& c,
-                        const test::AlignedFloats& packed, int threads = 1) {
+test::AlignedFloats run_kernel(const BlockedConvolutionKernel& kernel, const BlockedCase& c,
+                               const test::AlignedFloats& packed, int threads = 1) {
   ConvolutionProblem p = c.p;
   p.threads = threads;
   const auto blocked_input = test::to_blocked(p.n, p.c_in, p.h * p.w, c.input);
@@ -95,7 +95,7 @@ TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
     SCOPED_TRACE(kernel.name);
     const test::AlignedFloats packed = pack(kernel, c);
     const auto check = [&] {
-      test::AlignedFloats output = run(kernel, c, packed);
+      test::AlignedFloats output = run_kernel(kernel, c, packed);
       EXPECT_LE(relative_error(plain(c, output), wanted), tolerance(kernel));
       EXPECT_EQ(test::find_dirty_tail(c.p.n, c.p.c_out, c.p.out_pixels(), output.values()), -1);
       return output;
@@ -103,7 +103,7 @@ TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
     const test::AlignedFloats output = check();
     if (is_small(c.p)) test::for_each_blocked_case(check);
     for (const int threads : {2, 3}) {
-      const test::AlignedFloats more = run(kernel, c, packed, threads);
+      const test::AlignedFloats more = run_kernel(kernel, c, packed, threads);
       EXPECT_EQ(std::memcmp(output.data(), more.data(), output.values().size_bytes()), 0)
           << threads << " threads";
     }
@@ -194,7 +194,7 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
           const int64_t channel = static_cast<int64_t>(i) / p.out_pixels() % p.c_out;
           wanted[i] = activated(epilogue, channel, wanted[i] + (with_addend ? c.addend[i] : 0.0F));
         }
-        const test::AlignedFloats output = run(kernel, c, pack(kernel, c));
+        const test::AlignedFloats output = run_kernel(kernel, c, pack(kernel, c));
         EXPECT_LE(relative_error(plain(c, output), wanted), 2 * tolerance(kernel))
             << "activation " << static_cast<int>(epilogue.activation)
             << (with_addend ? " with addend" : "");
@@ -209,7 +209,7 @@ TEST(BlockedConvolutionSmall, SmoothActivations) {
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
     BlockedCase c(p);
     const test::AlignedFloats packed = pack(kernel, c);
-    const std::vector<float> sums = plain(c, run(kernel, c, packed));
+    const std::vector<float> sums = plain(c, run_kernel(kernel, c, packed));
     for (const Epilogue& epilogue :
          {Epilogue{.activation = Activation::kSigmoid},
           Epilogue{.activation = Activation::kSwish, .slope = 0.7F},
@@ -218,7 +218,7 @@ TEST(BlockedConvolutionSmall, SmoothActivations) {
       c.epilogue = epilogue;
       std::vector<float> wanted = sums;
       for (float& x : wanted) x = activated(epilogue, 0, x);
-      const test::AlignedFloats output = run(kernel, c, packed);
+      const test::AlignedFloats output = run_kernel(kernel, c, packed);
       EXPECT_LE(relative_error(plain(c, output), wanted), 1e-6)
           << "activation " << static_cast<int>(epilogue.activation);
       EXPECT_EQ(test::find_dirty_tail(p.n, p.c_out, p.out_pixels(), output.values()), -1);
@@ -244,7 +244,7 @@ TEST(BlockedConvolutionSmall, NanStaysNan) {
           Epilogue{.activation = Activation::kMish},
           Epilogue{.activation = Activation::kClip, .low = -1, .high = 1}}) {
       c.epilogue = epilogue;
-      const test::AlignedFloats output = run(kernel, c, pack(kernel, c));
+      const test::AlignedFloats output = run_kernel(kernel, c, pack(kernel, c));
       const std::vector<float> found = plain(c, output);
       for (size_t i = 0; i < found.size(); ++i)
         ASSERT_EQ(std::isnan(found[i]), static_cast<int64_t>(i) / p.out_pixels() % p.c_out == bad)
@@ -262,7 +262,7 @@ TEST(BlockedConvolutionSmall, InputsThatAreNotFinite) {
     c.input[c.input.size() / 2] = std::numeric_limits<float>::infinity();
     c.input[c.input.size() / 3] = std::numeric_limits<float>::quiet_NaN();
     const std::vector<float> wanted = definition_of(c);
-    const test::AlignedFloats output = run(kernel, c, pack(kernel, c));
+    const test::AlignedFloats output = run_kernel(kernel, c, pack(kernel, c));
     const std::vector<float> found = plain(c, output);
     for (size_t i = 0; i < found.size(); ++i)
       if (!is_winograd(kernel) || !std::isfinite(wanted[i])) {

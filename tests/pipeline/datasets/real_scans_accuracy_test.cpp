@@ -10,22 +10,22 @@
 namespace revisit {
 namespace {
 
-struct Found {
+struct PublishedAnswer {
   int frame;
   double cosine;
   double next;  // cosine of the second; NaN: not given
 };
 
-struct Row {
+struct Experiment {
   const char* end;    // layer; "": the range image itself
   const char* graft;  // layer
   AlignCase align;
-  Found of_4501, of_88;
+  PublishedAnswer of_4501, of_88;
   int correct;  // best matches within 5 m, of the 11 scans that have one
   double average_precision;
 };
 
-FeatureExtractor feature_of(const Row& row, const fs::path& model) {
+FeatureExtractor feature_of(const Experiment& row, const fs::path& model) {
   if (std::string(row.end).empty()) return range_vector_features({});
   const engine::Net net = engine::Net::load(model / "deploy.prototxt", model / "weights.caffemodel",
                                             {.end = row.end, .graft = row.graft});
@@ -38,7 +38,7 @@ struct Answers {
   Task task;
   std::vector<Match> matches;
 
-  Answers(const Row& row, const Dataset& dataset, const fs::path& model) {
+  Answers(const Experiment& row, const Dataset& dataset, const fs::path& model) {
     const FeatureExtractor feature = feature_of(row, model);
     const DescribeOptions options{.align = row.align, .threads = 2};
     const TempDir folder;
@@ -50,7 +50,7 @@ struct Answers {
   }
 
   int frame_of(int64_t row) const { return trajectory.frames[static_cast<size_t>(row)]; }
-  void expect(int query, const Found& found) const {
+  void expect(int query, const PublishedAnswer& found) const {
     for (const Match& match : matches) {
       if (frame_of(match.query) != query) continue;
       EXPECT_EQ(frame_of(match.ranks.at(0)), found.frame) << "query " << query;
@@ -64,12 +64,12 @@ struct Answers {
   }
 };
 
-class RealScansAccuracy : public testing::TestWithParam<Row> {};
+class RealScansAccuracy : public testing::TestWithParam<Experiment> {};
 
 TEST_P(RealScansAccuracy, IsThatOfTheReadme) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   REVISIT_NEED_SHARED(model, "data/caffemodels/squeezenet_v1.0");
-  const Row& row = GetParam();
+  const Experiment& row = GetParam();
   const Answers answers(row, open_dataset(kitti, "00", true), model);
   ASSERT_EQ(answers.matches.size(), 12U);
   answers.expect(4501, row.of_4501);
@@ -86,29 +86,30 @@ const double kNotGiven = std::nan("");
 INSTANTIATE_TEST_SUITE_P(
     Readme, RealScansAccuracy,
     testing::Values(
-        Row{"fire8/concat",
-            "",
-            AlignCase::kOne,
-            {52, 0.113, -0.039},
-            {94, 0.068, -0.030},
-            11,
-            0.992},
-        Row{"fire8/concat",
-            "pool8",
-            AlignCase::kOne,
-            {52, 0.114, -0.047},
-            {94, 0.081, -0.011},
-            11,
-            0.992},
-        Row{"", "", AlignCase::kOne, {52, 0.322, 0.054}, {199, 0.151, kNotGiven}, 10, 0.909},
-        Row{"fire8/concat",
-            "",
-            AlignCase::kNone,
-            {52, 0.091, -0.060},
-            {94, -0.022, -0.059},
-            11,
-            1.000},
-        Row{"", "", AlignCase::kNone, {52, 0.391, 0.070}, {850, 0.085, kNotGiven}, 10, 0.909}),
+        Experiment{"fire8/concat",
+                   "",
+                   AlignCase::kOne,
+                   {52, 0.113, -0.039},
+                   {94, 0.068, -0.030},
+                   11,
+                   0.992},
+        Experiment{"fire8/concat",
+                   "pool8",
+                   AlignCase::kOne,
+                   {52, 0.114, -0.047},
+                   {94, 0.081, -0.011},
+                   11,
+                   0.992},
+        Experiment{"", "", AlignCase::kOne, {52, 0.322, 0.054}, {199, 0.151, kNotGiven}, 10, 0.909},
+        Experiment{"fire8/concat",
+                   "",
+                   AlignCase::kNone,
+                   {52, 0.091, -0.060},
+                   {94, -0.022, -0.059},
+                   11,
+                   1.000},
+        Experiment{
+            "", "", AlignCase::kNone, {52, 0.391, 0.070}, {850, 0.085, kNotGiven}, 10, 0.909}),
     [](const auto& row) {
       const std::string name = std::string(row.param.end).empty() ? "Data"
                                : *row.param.graft                 ? "Fire8Pool8"
