@@ -249,13 +249,17 @@ class Floor {
       while (group[at] != at) at = group[at] = group[group[at]];
       return at;
     };
-    for (const auto& [cell, part] : free_)
+    for (const auto& [cell, part] : free_) {
+      bool is_edge = false;  // others have no neighbor part, and are most
+      around(cell, 1, [&](const Cell& near) { is_edge = is_edge || !free_.contains(near); });
+      if (!is_edge) continue;
       around(cell, kGap, [&](const Cell& near) {
         const auto other = free_.find(near);
         if (other != free_.end() && other->second != part &&
             std::abs(lowest_.at(near) - lowest_.at(cell)) < kHeight)
           group[group_of(other->second)] = group_of(part);
       });
+    }
     std::vector<int64_t> sizes(parts.size(), 0);
     for (size_t i = 0; i < parts.size(); ++i) sizes[group_of(static_cast<int>(i))] += parts[i].size;
     for (size_t i = 0; i < parts.size(); ++i) sizes[i] = sizes[group_of(static_cast<int>(i))];
