@@ -150,7 +150,7 @@ def main():
         for visit in recognize(moving, detector):
             found, node = visit.found, len(odometry.chosen) - 1
             node_of[found.index] = node_of_frame[visit.scan.frame] = node
-            excluded += found.rejection == 'odometry'
+            excluded += found.rejection == 'odometry' and found.registered is not None  # others are far away
             if found.accepted and found.loop and found.registered:
                 loops.append((node_of[found.loop.index], node, found.registered))
             if found.questioned:

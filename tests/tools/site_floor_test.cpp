@@ -65,8 +65,8 @@ TEST(SiteFloor, GoesOnBeyondWhatStandsAcrossIt) {
       for (float y = from.y(); y < to.y(); y += 0.2F) points.emplace_back(x, y, z);
   };
   face({0, 0}, {300, 10}, 0);
-  for (float z = 0; z < 2; z += 0.2F) face({280, 0}, {282, 10}, z);  // a hedge
-  face({60, 15}, {75, 25}, 5);                                       // a roof
+  for (float z = 0; z < 2; z += 0.2F) face({280, 0}, {282, 10}, z);     // a hedge
+  for (float x = 60; x < 260; x += 20) face({x, 15}, {x + 15, 25}, 5);  // roofs
   const auto nodes = floor_nodes(points);
   const auto within = [&](float from, float to) {
     return std::ranges::count_if(

@@ -56,9 +56,9 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
                    place.pose->linear().col(2) + expected.linear().col(2), path, 0);
 }
 
-bool DriveHistory::is_out_of_reach(int64_t index, double reach) const {
+bool DriveHistory::is_out_of_reach(int64_t index, bool by_poses, double reach) const {
   const Position& place = entries_.at(index);
-  if (!place.given || !here_.given)
+  if (!by_poses || !place.given || !here_.given)
     return is_refuted_by_motion(place, place.pose.translation() - here_.pose.translation(), reach);
   return is_beyond(place.given->translation() - here_.given->translation(),
                    place.given->linear().col(2) + here_.given->linear().col(2),
@@ -113,7 +113,8 @@ std::string DriveHistory::objection(const CandidatePlace& place,
   if (is_refuted(place, T_place_scan)) return "odometry";
   FittingLoop loop = fitting(place, T_place_scan);
   for (const FittingLoop& before : fitting_)
-    if (const auto agrees = agree(loop, before)) loop.count(*agrees);
+    if (here_.path - before.at.path <= kCompared)
+      if (const auto agrees = agree(loop, before)) loop.count(*agrees);
   return loop.is_outvoted() ? "inconsistent" : "";
 }
 
@@ -145,33 +146,38 @@ std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
     std::erase_if(related_,
                   [&](const auto& one) { return one.second.loop.at.frame == before.at.frame; });
     for (auto& [drive, relation] : related_) std::erase(relation.frames, before.at.frame);
-    if (accepted)
-      std::ranges::move(std::exchange(before.frames, {}), std::back_inserter(questioned));
+    std::ranges::move(std::exchange(before.frames, {}), std::back_inserter(questioned));
   }
-  if (!is_of_drive(place.index) && place.pose && here_.given && loop.agreeing > loop.contradicting)
+  if (!is_of_drive(place.index) && place.pose && here_.given)
     std::ranges::copy(relate(loop, accepted), std::back_inserter(questioned));
   fitting_.push_back(std::move(loop));
   return questioned;
 }
 
 /// A stretch that looks like another may have related the drives. Loops that the relation refutes
-/// overrule it when they are more than those that it accepted. Returns the frames of those.
+/// overrule it when more of them agree than it has accepted. Returns the frames of those.
 std::vector<int64_t> DriveHistory::relate(const FittingLoop& loop, bool accepted) {
+  const bool agrees = loop.agreeing > loop.contradicting;
+  auto related = related_.find(loop.drive);
+  if (related == related_.end()) {
+    if (!accepted || !agrees) return {};
+    related = related_.emplace(loop.drive, Relation{loop, loop}).first;
+    for (const FittingLoop& before : fitting_)
+      if (before.drive == loop.drive && agree(loop, before).value_or(false))
+        std::ranges::copy(before.frames, std::back_inserter(related->second.frames));
+  }
+  Relation& relation = related->second;
+  if (accepted) relation.frames.push_back(loop.at.frame);
+  if (!agrees) return {};
   if (accepted) {
-    const auto [known, is_new] = related_.try_emplace(loop.drive, Relation{loop});
-    Relation& relation = known->second;
     relation.loop = loop;
-    ++relation.accepted;
-    if (is_new)
-      for (const FittingLoop& before : fitting_)
-        if (before.drive == loop.drive && agree(loop, before).value_or(false))
-          std::ranges::copy(before.frames, std::back_inserter(relation.frames));
-    relation.frames.push_back(loop.at.frame);
+    ++relation.n_accepted;
+    relation.n_refuted = 0;
     return {};
   }
-  const auto related = related_.find(loop.drive);
-  if (related == related_.end() || ++related->second.refuted <= related->second.accepted) return {};
-  std::vector<int64_t> frames = std::move(related->second.frames);
+  if (!agree(loop, std::exchange(relation.refuted, loop)).value_or(false)) relation.n_refuted = 0;
+  if (++relation.n_refuted <= relation.n_accepted) return {};
+  std::vector<int64_t> frames = std::move(relation.frames);
   related_.erase(related);
   return frames;
 }

@@ -55,7 +55,8 @@ class DriveHistory : public Odometry {
   /// poses and the loops that relate both drives.
   bool is_refuted(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
   /// So is every loop to the entry of this drive whose scans are at most `reach` apart [m].
-  bool is_out_of_reach(int64_t index, double reach) const;
+  /// `by_poses`: the map has the entry's.
+  bool is_out_of_reach(int64_t index, bool by_poses, double reach) const;
   /// Rejection of a loop that is accepted otherwise: "odometry", "inconsistent" or "".
   std::string objection(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
   /// Index of the place of a loop accepted on the last 10 m.
@@ -93,9 +94,9 @@ class DriveHistory : public Odometry {
 
   /// What relates the worlds of both drives' poses.
   struct Relation {
-    FittingLoop loop;                  // the last one that it accepted
-    std::vector<int64_t> frames = {};  // of accepted loops
-    int accepted = 0, refuted = 0;     // loops that agree with others
+    FittingLoop loop, refuted;          // the last ones that agree with others
+    std::vector<int64_t> frames = {};   // of accepted loops
+    int n_accepted = 0, n_refuted = 0;  // refuted: since then, and all agree
   };
 
   FittingLoop fitting(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const {

@@ -113,7 +113,8 @@ std::string Verification::register_entry(const SeenScan& query, const DriveHisto
   constexpr double kSlack = 5;  // what ICP adds to the search, and mounts [m]
   const Loop& loop = candidate.loop;
   const double reach = std::numbers::sqrt2 * options_.registration.search_radius + kSlack;
-  if (history.is_of_drive(loop.index) && history.is_out_of_reach(loop.index, reach))
+  if (history.is_of_drive(loop.index) &&
+      history.is_out_of_reach(loop.index, loop.pose.has_value(), reach))
     return "odometry";
   const std::optional<PreparedEntry> stored = prepared_entry(loop.id);
   if (!stored) return "no points";

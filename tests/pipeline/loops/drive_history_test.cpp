@@ -79,8 +79,8 @@ TEST(DriveHistory, PosesRefuteLoops) {
   EXPECT_TRUE(is_refuted(0, 0, 0, 1.1)) << "0.5 m and 0.5 %";
   EXPECT_TRUE(is_refuted(80, 0, 4.1, 0));
   EXPECT_FALSE(is_refuted(999, 50, 0, 0)) << "of another session";
-  EXPECT_TRUE(history.is_out_of_reach(0, 87.9)) << "100 m away, within 2 m and 10 % of 100 m";
-  EXPECT_FALSE(history.is_out_of_reach(0, 88.1));
+  EXPECT_TRUE(history.is_out_of_reach(0, true, 87.9)) << "100 m away, 2 m and 10 % of 100 m";
+  EXPECT_FALSE(history.is_out_of_reach(0, true, 88.1));
 }
 
 /// Scans at 0, 1, ... m without poses; rings estimate `relative_yaw` to the scan before.
@@ -106,7 +106,8 @@ TEST(DriveHistory, RegisteredMotionRefutesLoops) {
     EXPECT_FALSE(is_refuted(8, 0) || is_refuted(4, 0) || is_refuted(12, 1));
     EXPECT_TRUE(is_refuted(3, 0) && is_refuted(13, 0)) << "4 m and 10 % of 8 m";
     EXPECT_TRUE(is_refuted(8, 2)) << "1 m and 10 %";
-    EXPECT_TRUE(history.is_out_of_reach(0, 3) && !history.is_out_of_reach(0, 3.5)) << "8 m away";
+    EXPECT_TRUE(history.is_out_of_reach(0, false, 3)) << "8 m away";
+    EXPECT_FALSE(history.is_out_of_reach(0, false, 3.5));
   }
 }
 
@@ -169,6 +170,18 @@ TEST(DriveHistory, MoreLoopsThanRelatedTwoDrivesEndTheirRelation) {
   EXPECT_EQ(pass.loop(64, 0), SecondPass::Result("odometry", all));
   EXPECT_EQ(pass.loop(65, 0), SecondPass::Result());
   EXPECT_EQ(pass.loop(66, 30).first, "odometry") << "the others relate the drives now";
+}
+
+TEST(DriveHistory, ScatteredLoopsDoNotEndARelation) {
+  SecondPass pass;
+  pass.world = Motion(1000, 50, 3);
+  pass.first = 500;
+  pass.drive = "tuesday";
+  for (const int x : {0, 1, 2, 3}) EXPECT_EQ(pass.loop(x, 0), SecondPass::Result());
+  for (const int pair : {0, 1, 2})
+    for (const int x : {40, 41})
+      EXPECT_EQ(pass.loop(x + 20 * pair, 60 + 40 * pair).second, SecondPass::Frames());
+  EXPECT_EQ(pass.loop(120, 0), SecondPass::Result());
 }
 
 TEST(OdometryGate, IsParsed) {

@@ -249,7 +249,7 @@ class LoopOutputs {
                        *found.loop->pose * found.registered->T_place_query);
       ++trajectory_poses_;
     }
-    const bool is_written = found.accepted || o_.all || !threshold_;
+    const bool is_written = found.accepted || !found.questioned.empty() || o_.all || !threshold_;
     if (!is_written && !page_ && !viewer_) return;
     reports::LoopLine line = line_of(visit, drive);
     if (threshold_) line.set_threshold(*threshold_);

@@ -237,7 +237,8 @@ class Floor {
   }
 
  private:
-  /// Of each part, with those beyond a hedge or what is left of traffic. Roofs are no such parts.
+  /// Of each part: the size of the largest one that it continues beyond a hedge or what is left of
+  /// traffic. Roofs continue roofs at most.
   std::vector<int64_t> joined_sizes() {
     constexpr int kGap = 8;          // [m]
     constexpr float kHeight = 0.5F;  // [m]
@@ -261,7 +262,10 @@ class Floor {
       });
     }
     std::vector<int64_t> sizes(parts.size(), 0);
-    for (size_t i = 0; i < parts.size(); ++i) sizes[group_of(static_cast<int>(i))] += parts[i].size;
+    for (size_t i = 0; i < parts.size(); ++i) {
+      int64_t& size = sizes[group_of(static_cast<int>(i))];
+      size = std::max(size, parts[i].size);
+    }
     for (size_t i = 0; i < parts.size(); ++i) sizes[i] = sizes[group_of(static_cast<int>(i))];
     return sizes;
   }
