@@ -54,8 +54,7 @@ class DriveHistory : public Odometry {
   /// The poses of both refute the loop: odometry does not drift that much. Of another drive: the
   /// poses and the loops that relate both drives.
   bool is_refuted(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
-  /// So is every loop to the entry of this drive whose scans are at most `reach` apart [m].
-  /// `by_poses`: the map has the entry's.
+  /// So is every loop of at most `reach` [m] to this drive's entry. `by_poses`: it has a pose.
   bool is_out_of_reach(int64_t index, bool by_poses, double reach) const;
   /// Rejection of a loop that is accepted otherwise: "odometry", "inconsistent" or "".
   std::string objection(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;

@@ -22,11 +22,9 @@ template <class Take>
 HWY_INLINE void search_run(const PointSquares& squares, uint32_t begin, uint32_t end,
                            const Eigen::Vector3f& place, const float& limit, const Take& take) {
   const auto lanes = static_cast<uint32_t>(hn::Lanes(kD));
-  const auto rows = static_cast<size_t>(squares.sorted.rows());
-  const float* points = squares.sorted.data();
   for (uint32_t at = begin; at < end; at += lanes) {
-    const auto square_of = [&](size_t axis, float to) {
-      const auto apart = hn::Sub(hn::LoadU(kD, points + axis * rows + at), hn::Set(kD, to));
+    const auto square_of = [&](int axis, float to) {
+      const auto apart = hn::Sub(hn::LoadU(kD, &squares.sorted(at, axis)), hn::Set(kD, to));
       return hn::Mul(apart, apart);
     };
     const auto squared =

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numeric>
+#include <set>
 #include <unordered_map>
 #include <utility>
 
@@ -242,14 +242,9 @@ class Floor {
   std::vector<int64_t> joined_sizes() {
     constexpr int kGap = 8;          // [m]
     constexpr float kHeight = 0.5F;  // [m]
-    const std::vector<Part> parts = parts_of(free_);
-    std::vector<size_t> group(parts.size());
-    std::iota(group.begin(), group.end(), size_t{0});
-    const auto group_of = [&](int part) {
-      auto at = static_cast<size_t>(part);
-      while (group[at] != at) at = group[at] = group[group[at]];
-      return at;
-    };
+    std::vector<int64_t> sizes;
+    for (const Part& part : parts_of(free_)) sizes.push_back(part.size);
+    std::set<std::pair<size_t, size_t>> joined;
     for (const auto& [cell, part] : free_) {
       bool is_edge = false;  // others have no neighbor part, and are most
       around(cell, 1, [&](const Cell& near) { is_edge = is_edge || !free_.contains(near); });
@@ -258,15 +253,15 @@ class Floor {
         const auto other = free_.find(near);
         if (other != free_.end() && other->second != part &&
             std::abs(lowest_.at(near) - lowest_.at(cell)) < kHeight)
-          group[group_of(other->second)] = group_of(part);
+          joined.emplace(part, other->second);
       });
     }
-    std::vector<int64_t> sizes(parts.size(), 0);
-    for (size_t i = 0; i < parts.size(); ++i) {
-      int64_t& size = sizes[group_of(static_cast<int>(i))];
-      size = std::max(size, parts[i].size);
-    }
-    for (size_t i = 0; i < parts.size(); ++i) sizes[i] = sizes[group_of(static_cast<int>(i))];
+    for (bool grow = true; std::exchange(grow, false);)
+      for (const auto& [part, other] : joined)
+        if (sizes[part] < sizes[other]) {
+          sizes[part] = sizes[other];
+          grow = true;
+        }
     return sizes;
   }
 

@@ -98,9 +98,8 @@ struct Detection {
   /// The most similar entry, or the better fitting one of three. If loops are registered, its score
   /// is Score::kVerified, with the probability for this score.
   std::optional<Loop> loop;
-  /// Registration of `loop`, if it is similar enough and not out of the motion's reach. If it is
-  /// accepted though it does not fit, an accepted loop confirms it, and its information is small in
-  /// one direction, as along a corridor.
+  /// Registration of `loop`, if it is similar enough and in reach of the motion. If it does not
+  /// fit, but is accepted, another loop confirms it: its information is small along a corridor.
   std::optional<Registration> registered;
   /// `loop` reaches the threshold, is not ambiguous and, if loops are registered, fits or is
   /// confirmed by a loop accepted on the last 10 m.
