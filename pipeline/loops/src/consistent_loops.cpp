@@ -10,8 +10,7 @@
 namespace revisit {
 namespace {
 
-constexpr double kCompared = 30;  // path on which loops are compared [m]
-constexpr double kHalted = 0.5;   // agreeing loops on less are one [m]
+constexpr double kHalted = 0.5;  // agreeing loops on less are one [m]
 
 }  // namespace
 
@@ -113,8 +112,7 @@ std::string DriveHistory::objection(const CandidatePlace& place,
   if (is_refuted(place, T_place_scan)) return "odometry";
   FittingLoop loop = fitting(place, T_place_scan);
   for (const FittingLoop& before : fitting_)
-    if (here_.path - before.at.path <= kCompared)
-      if (const auto agrees = agree(loop, before)) loop.count(*agrees);
+    if (const auto agrees = agree(loop, before)) loop.count(*agrees);
   return loop.is_outvoted() ? "inconsistent" : "";
 }
 
@@ -126,8 +124,6 @@ std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
     accepted_.push_back({place, T_place_scan, here_});
     if (accepted_.size() > kMostAccepted) accepted_.pop_front();
   }
-  while (!fitting_.empty() && here_.path - fitting_.front().at.path > kCompared)
-    fitting_.pop_front();
   FittingLoop loop = fitting(place, T_place_scan);
   if (accepted) loop.frames.push_back(here_.frame);
   if (!fitting_.empty() && std::abs(here_.path - fitting_.back().at.path) < kHalted &&

@@ -9,8 +9,9 @@ namespace revisit {
 namespace {
 
 // Constants were chosen together, on simulated offices and streets, a walk, NCLT and Riverside.
-constexpr double kWindow = 10;  // path on which an accepted loop confirms another [m]
-constexpr int64_t kSample = 4;  // one moving scan in 4 tells what is usual
+constexpr double kWindow = 10;    // path on which an accepted loop confirms another [m]
+constexpr double kCompared = 30;  // path on which loops are compared [m]
+constexpr int64_t kSample = 4;    // one moving scan in 4 tells what is usual
 
 }  // namespace
 
@@ -20,6 +21,8 @@ void DriveHistory::arrive(const SeenScan& scan, int64_t frame,
                           const std::optional<Eigen::Isometry3d>& step) {
   Odometry::arrive(scan, frame, given, relative_yaw, step);
   if (is_lost()) accepted_.clear();
+  while (!fitting_.empty() && here_.path - fitting_.front().at.path > kCompared)
+    fitting_.pop_front();
   if ((!reference_ || is_moving()) && moved_++ % kSample == 0) sample(scan);
 }
 

@@ -143,11 +143,17 @@ TEST(DriveHistory, LoopsContradictOneAnother) {
   EXPECT_EQ(pass.loop(60, -4), SecondPass::Result()) << "more than 30 m on";
 }
 
-TEST(DriveHistory, TwoLoopsRelateTheWorldsOfTwoDrives) {
+/// Its places are of another drive, whose poses have another world.
+SecondPass on_tuesday() {
   SecondPass pass;
   pass.world = Motion(1000, 50, 3) * Eigen::AngleAxisd(1, Eigen::Vector3d::UnitZ());
   pass.first = 500;
   pass.drive = "tuesday";
+  return pass;
+}
+
+TEST(DriveHistory, TwoLoopsRelateTheWorldsOfTwoDrives) {
+  SecondPass pass = on_tuesday();
   EXPECT_EQ(pass.loop(0, 30), SecondPass::Result()) << "nothing relates them";
   EXPECT_EQ(pass.loop(40, 0), SecondPass::Result()) << "a single one does not, it may be incorrect";
   EXPECT_EQ(pass.loop(41, 0.5), SecondPass::Result());
@@ -157,10 +163,7 @@ TEST(DriveHistory, TwoLoopsRelateTheWorldsOfTwoDrives) {
 }
 
 TEST(DriveHistory, MoreLoopsThanRelatedTwoDrivesEndTheirRelation) {
-  SecondPass pass;
-  pass.world = Motion(1000, 50, 3);
-  pass.first = 500;
-  pass.drive = "tuesday";
+  SecondPass pass = on_tuesday();
   for (const int x : {0, 1, 2, 3}) EXPECT_EQ(pass.loop(x, 30), SecondPass::Result());
   const SecondPass::Result refuted("odometry", SecondPass::Frames());
   EXPECT_EQ(pass.loop(60, 0), refuted) << "nothing on 30 m agrees with it";
@@ -173,10 +176,7 @@ TEST(DriveHistory, MoreLoopsThanRelatedTwoDrivesEndTheirRelation) {
 }
 
 TEST(DriveHistory, ScatteredLoopsDoNotEndARelation) {
-  SecondPass pass;
-  pass.world = Motion(1000, 50, 3);
-  pass.first = 500;
-  pass.drive = "tuesday";
+  SecondPass pass = on_tuesday();
   for (const int x : {0, 1, 2, 3}) EXPECT_EQ(pass.loop(x, 0), SecondPass::Result());
   for (const int pair : {0, 1, 2})
     for (const int x : {40, 41})
