@@ -8,11 +8,6 @@
 #include "revisit/base/text.h"
 
 namespace revisit {
-namespace {
-
-constexpr double kHalted = 0.5;  // agreeing loops on less are one [m]
-
-}  // namespace
 
 std::optional<OdometryGate> parse_odometry_gate(const std::string& text) {
   if (text == "none") return std::nullopt;
@@ -34,6 +29,7 @@ std::optional<OdometryGate> parse_odometry_gate(const std::string& text) {
 
 bool DriveHistory::is_refuted(const CandidatePlace& place,
                               const Eigen::Isometry3d& T_place_scan) const {
+  constexpr double kDegree = std::numbers::pi / 180, kTilt = 2.5;  // [degrees]
   const auto before = entries_.find(place.index);
   if (!place.pose || !here_.given)
     return before != entries_.end() &&
@@ -51,8 +47,13 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
     expected = *loop.pose * loop.T_place_scan * loop.at.given->inverse() * expected;
     path += std::abs(place.path - loop.path) - loop.at.path;
   }
-  return is_beyond((*place.pose * T_place_scan).translation() - expected.translation(),
-                   place.pose->linear().col(2) + expected.linear().col(2), path, 0);
+  const Eigen::Isometry3d by_loop = *place.pose * T_place_scan;
+  const Eigen::Vector3d there = place.pose->linear().col(2), here = expected.linear().col(2);
+  // A ramp may look like a level floor. Planar poses know no tilt, so theirs refutes nothing.
+  const double least = std::cos(std::min(180., kTilt + gate_.rate / 20 * path) * kDegree);
+  const bool is_tilted = here.dot(there) < least && here.dot(by_loop.linear().col(2)) < least;
+  return is_tilted ||
+         is_beyond(by_loop.translation() - expected.translation(), there + here, path, 0);
 }
 
 bool DriveHistory::is_out_of_reach(int64_t index, bool by_poses, double reach) const {
@@ -119,6 +120,7 @@ std::string DriveHistory::objection(const CandidatePlace& place,
 std::vector<int64_t> DriveHistory::take_loop(const CandidatePlace& place,
                                              const Eigen::Isometry3d& T_place_scan, bool accepted) {
   constexpr size_t kMostAccepted = 5;  // loops that may confirm another
+  constexpr double kHalted = 0.5;      // agreeing loops on less are one [m]
   std::vector<int64_t> questioned;
   if (accepted) {
     accepted_.push_back({place, T_place_scan, here_});

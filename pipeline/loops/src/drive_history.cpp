@@ -98,12 +98,12 @@ bool DriveHistory::are_one(const CandidatePlace& place, const Eigen::Isometry3d&
                            const CandidatePlace& other, const Eigen::Isometry3d& T_other_scan,
                            double path) const {
   constexpr double kBase = 1, kRate = 0.05;  // [m], [m per m]
-  constexpr double kYaw = 5 * std::numbers::pi / 180;
+  constexpr double kTurn = 5 * std::numbers::pi / 180;
   const auto T_place_other = between(place, other, T_place_scan * T_other_scan.inverse());
   if (!T_place_other) return false;
   const Eigen::Isometry3d error = T_place_scan.inverse() * *T_place_other * T_other_scan;
   return error.translation().head<2>().norm() < kBase + kRate * path &&
-         std::abs(heading_of(error)) < kYaw;
+         Eigen::AngleAxisd(error.linear()).angle() < kTurn;
 }
 
 bool DriveHistory::confirms(const CandidatePlace& place,

@@ -83,6 +83,31 @@ TEST(DriveHistory, PosesRefuteLoops) {
   EXPECT_FALSE(history.is_out_of_reach(0, true, 88.1));
 }
 
+Eigen::Isometry3d pitched(double degrees) {
+  return Eigen::Isometry3d(
+      Eigen::AngleAxisd(degrees * std::numbers::pi / 180, Eigen::Vector3d::UnitY()));
+}
+
+TEST(DriveHistory, PosesTellARampFromALevelFloor) {
+  DriveHistory history = driven(101, 1);
+  const auto is_refuted = [&](double by_poses, double by_loop) {
+    history.arrive(from_middle(), 101, Motion(100, 0, 0) * pitched(by_poses), {});
+    return history.is_refuted(place_at(0, 100), pitched(by_loop));
+  };
+  EXPECT_TRUE(is_refuted(3.1, 0)) << "2.5 degrees, and 0.005 on each of 100 m";
+  EXPECT_TRUE(is_refuted(-3.1, 0));
+  EXPECT_FALSE(is_refuted(2.9, 0));
+  EXPECT_FALSE(is_refuted(20, 18)) << "the loop shows the tilt";
+  EXPECT_TRUE(is_refuted(20, -20));
+  EXPECT_FALSE(is_refuted(0, 20)) << "planar poses, or a sensor whose mount is unknown";
+  const OdometryGate wide{.base = 1e6, .rate = 100, .height = 1e6};
+  DriveHistory far({.min_inlier_ratio = 0.1}, wide);
+  far.arrive(from_middle(), 0, pitched(0), {});
+  far.add(0, from_middle());
+  far.arrive(from_middle(), 1, Motion(100, 0, 0) * pitched(179), {});
+  EXPECT_FALSE(far.is_refuted(place_at(0, 100), pitched(0))) << "no limit";
+}
+
 /// Scans at 0, 1, ... m without poses; rings estimate `relative_yaw` to the scan before.
 DriveHistory registered(int scans, double relative_yaw) {
   DriveHistory history({.min_inlier_ratio = 0.1}, OdometryGate());
@@ -206,8 +231,9 @@ TEST(DriveHistory, AnAcceptedLoopConfirmsOthers) {
     EXPECT_TRUE(history.confirms(first, at(3))) << "2 m on";
     EXPECT_TRUE(history.confirms(second, at(0)));
     EXPECT_FALSE(history.confirms(second, at(1.5)));
-    EXPECT_FALSE(history.confirms(
-        second, Eigen::Isometry3d(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitZ()))));
+    for (const auto& axis : {Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY()})
+      EXPECT_FALSE(
+          history.confirms(second, Eigen::Isometry3d(Eigen::AngleAxisd(0.1, axis.eval()))));
     history.arrive(hall(3), 4, at(13), {});
     EXPECT_FALSE(history.confirms(second, at(9))) << "more than 10 m on";
   }

@@ -20,11 +20,6 @@ Pose upright_pose(const Pose& pose, bool camera_axes) {
   return camera_axes ? axes_of_camera().inverse() * pose * axes_of_camera() : pose;
 }
 
-/// [rad], counter-clockwise in the top-down view.
-double heading_of(const Pose& upright) {
-  return std::atan2(upright(1, 0), upright(0, 0));
-}
-
 uint64_t number_of(const PointCloud& cloud) {
   uint64_t hash = kFnv1aStart;
   for (const Point& point : cloud.points)
@@ -115,6 +110,9 @@ std::vector<RingPair> pairs_for(const TrainRingOptions& options, const Dataset& 
 std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<int64_t>& scans,
                                       double radius, int frames_apart) {
   std::vector<RingPair> pairs;
+  const auto heading_of = [](const Pose& upright) {
+    return std::atan2(upright(1, 0), upright(0, 0));
+  };
   const auto scan_of = [&](int64_t row) -> const ScanRef& {
     return dataset.scans[static_cast<size_t>(row)];
   };

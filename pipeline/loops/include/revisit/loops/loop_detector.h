@@ -49,11 +49,11 @@ class RecentEntries {
 /// Throws UsageError unless it is a value of LoopDetectorOptions::keyframes.
 void check_keyframes(const std::string& text);
 
-/// Limits of the distance between the pose of a scan and its pose by a loop. They grow with the
-/// path from the place to the scan.
+/// Limits of the difference between the pose of a scan and its pose by a loop. They grow with the
+/// path from the place to the scan. Tilts that the poses show may differ by 2.5 degrees.
 struct OdometryGate {
   double base = 2;      ///< horizontal [m]
-  double rate = 0.1;    ///< horizontal, per meter of path; vertically a twentieth of it
+  double rate = 0.1;    ///< horizontal, per meter of path; height, tilt [deg]: a twentieth
   double height = 0.5;  ///< vertical [m]
 };
 /// "BASE,RATE,HEIGHT", or "none"; throws UsageError for anything else.
@@ -85,7 +85,7 @@ struct LoopDetectorOptions {
   /// nothing, e.g. because they are ground truth, which must not help to find what it evaluates.
   std::optional<OdometryGate> odometry_gate = OdometryGate();
   /// Requires few inliers, because free space decides.
-  RegistrationOptions registration{.min_inlier_ratio = 0.1};
+  RegistrationOptions registration{.min_inlier_ratio = 0.15};
   /// Gets messages about the map (Map::Map()), and about a calibration of it that is corrupt or for
   /// another score, and ignored. Absent: standard error.
   MapStore::Warn warn;
