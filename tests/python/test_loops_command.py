@@ -226,7 +226,7 @@ class Drives(Command):
     @unittest.skipUnless(os.access(EXAMPLE, os.X_OK), 'without the program of examples/loop_closure.cpp')
     def test_three_interfaces_find_the_same_edges(self):
         town = self.folder / 'hdl64'
-        simulate(town, length=400, every=6, route='both')
+        simulate(town, length=400, every=12, route='both')
         files = [scan.file for scan in datasets.open_dataset(town).scans]
         plain = self.folder / 'plain64'
         plain.mkdir()

@@ -20,10 +20,10 @@ def points_of(frame):
     """Random walls, poles and ground; every fifth scan repeats one of the first 100."""
     random = np.random.default_rng(frame % 100 if frame % 5 == 4 else frame)
     things = random.uniform([-50, -50, 0.2, 1, 0], [50, 50, 12, 8, 6.28], (60, 5))
-    x, y, along, up, heading = things.repeat(150, axis=0).T
+    x, y, along, up, heading = things.repeat(75, axis=0).T
     along *= random.random(len(along))
     walls = np.stack([x + along * np.cos(heading), y + along * np.sin(heading), random.uniform(-1.7, up)], axis=1)
-    ground = random.uniform([-40, -40, -1.73], [40, 40, -1.73], (6000, 3))
+    ground = random.uniform([-40, -40, -1.73], [40, 40, -1.73], (3000, 3))
     return np.concatenate([walls, ground]).astype(np.float32)
 
 
