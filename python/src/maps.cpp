@@ -306,8 +306,8 @@ void bind_loop_detector(nb::module_& module) {
           "calibration; None: 0.99 if loops are registered, else 0.95.\n"
           "keep_clouds: store about 20 kB of points with each entry, for registration.\n"
           "odometry_gate: 'BASE,RATE,HEIGHT': loops may differ from the poses by BASE + RATE * "
-          "path horizontally and HEIGHT + RATE / 20 * path vertically [m]; 'none': poses judge no "
-          "loops.")
+          "path horizontally, HEIGHT + RATE / 20 * path vertically [m], and 2.5 + RATE / 20 * path "
+          "in tilt [deg]; 'none': poses judge no loops.")
       .def(
           "take",
           [](PythonDetector& self, PointsArgument points, std::optional<int64_t> frame,

@@ -48,12 +48,15 @@ bool DriveHistory::is_refuted(const CandidatePlace& place,
     path += std::abs(place.path - loop.path) - loop.at.path;
   }
   const Eigen::Isometry3d by_loop = *place.pose * T_place_scan;
-  const Eigen::Vector3d there = place.pose->linear().col(2), here = expected.linear().col(2);
+  const auto up = [](const Eigen::Isometry3d& pose) -> Eigen::Vector3d {
+    return pose.linear().col(2).normalized();
+  };
   // A ramp may look like a level floor. Planar poses know no tilt, so theirs refutes nothing.
   const double least = std::cos(std::min(180., kTilt + gate_.rate / 20 * path) * kDegree);
-  const bool is_tilted = here.dot(there) < least && here.dot(by_loop.linear().col(2)) < least;
-  return is_tilted ||
-         is_beyond(by_loop.translation() - expected.translation(), there + here, path, 0);
+  const bool is_tilted = before != entries_.end() && up(expected).dot(up(*place.pose)) < least &&
+                         up(expected).dot(up(by_loop)) < least;
+  return is_tilted || is_beyond(by_loop.translation() - expected.translation(),
+                                up(*place.pose) + up(expected), path, 0);
 }
 
 bool DriveHistory::is_out_of_reach(int64_t index, bool by_poses, double reach) const {

@@ -96,14 +96,14 @@ std::optional<double> DriveHistory::yaw_to(int64_t index) const {
 
 bool DriveHistory::are_one(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan,
                            const CandidatePlace& other, const Eigen::Isometry3d& T_other_scan,
-                           double path) const {
+                           double path, bool whole) const {
   constexpr double kBase = 1, kRate = 0.05;  // [m], [m per m]
   constexpr double kTurn = 5 * std::numbers::pi / 180;
   const auto T_place_other = between(place, other, T_place_scan * T_other_scan.inverse());
   if (!T_place_other) return false;
   const Eigen::Isometry3d error = T_place_scan.inverse() * *T_place_other * T_other_scan;
-  return error.translation().head<2>().norm() < kBase + kRate * path &&
-         Eigen::AngleAxisd(error.linear()).angle() < kTurn;
+  const double turn = whole ? Eigen::AngleAxisd(error.linear()).angle() : heading_of(error);
+  return error.translation().head<2>().norm() < kBase + kRate * path && std::abs(turn) < kTurn;
 }
 
 bool DriveHistory::confirms(const CandidatePlace& place,
@@ -112,7 +112,7 @@ bool DriveHistory::confirms(const CandidatePlace& place,
     const double path = here_.path - earlier.at.path;
     const Eigen::Isometry3d motion = earlier.at.pose.inverse() * here_.pose;
     return path <= kWindow &&
-           are_one(place, T_place_scan, earlier.place, earlier.T_place_scan * motion, path);
+           are_one(place, T_place_scan, earlier.place, earlier.T_place_scan * motion, path, true);
   });
 }
 

@@ -62,10 +62,11 @@ class DriveHistory : public Odometry {
   std::optional<int64_t> last_place() const;
   /// yaw(scan) - yaw(entry) by that loop and the motion since [rad]; absent for other drives.
   std::optional<double> yaw_to(int64_t index) const;
-  /// Both loops of a scan give the same pose. Its error grows with `path` [m].
+  /// Both loops of a scan give the same pose. Its error grows with `path` [m]. `whole`: also in
+  /// tilt.
   bool are_one(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan,
-               const CandidatePlace& other, const Eigen::Isometry3d& T_other_scan,
-               double path = 0) const;
+               const CandidatePlace& other, const Eigen::Isometry3d& T_other_scan, double path = 0,
+               bool whole = false) const;
   /// The pose agrees with a loop accepted on the last 10 m.
   bool confirms(const CandidatePlace& place, const Eigen::Isometry3d& T_place_scan) const;
 

@@ -6,11 +6,6 @@
 #include <utility>
 
 namespace revisit {
-namespace {
-
-constexpr double kHalt = 0.5;  // least distance of references [m]
-
-}  // namespace
 
 double heading_of(const Eigen::Isometry3d& T) {
   return std::atan2(T(1, 0), T(0, 0));
@@ -62,6 +57,7 @@ Eigen::Isometry3d Odometry::motion_of(const SeenScan& scan, std::optional<double
   const auto registered = [&](double yaw, double radius) {
     RegistrationOptions options = options_;
     options.search_radius = std::min(radius, options_.search_radius);
+    options.min_inlier_ratio = kMinInlierRatio;
     return register_scans(scan.prepared(), reference_->scan.prepared(), yaw, options);
   };
   const auto contradiction_of = [&](const Registration& one) {
@@ -89,6 +85,7 @@ Eigen::Isometry3d Odometry::motion_of(const SeenScan& scan, std::optional<double
 }
 
 bool Odometry::is_moving() const {
+  constexpr double kHalt = 0.5;  // least distance of references [m]
   return is_lost_ || here_.path - reference_->at.path >= kHalt;
 }
 

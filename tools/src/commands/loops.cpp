@@ -96,8 +96,9 @@ void LoopsOptions::declare(Options& options) {
   map.declare(options);
   poses.declare(options);
   options.option("odometry-gate", "BASE,RATE,HEIGHT",
-                 "loops may differ from the poses by BASE + RATE * path horizontally and HEIGHT + "
-                 "RATE / 20 * path vertically [m]; none: poses reject no loops (default 2,0.1,0.5)",
+                 "loops may differ from the poses by BASE + RATE * path horizontally, HEIGHT + "
+                 "RATE / 20 * path vertically [m], and 2.5 + RATE / 20 * path in tilt [deg]; "
+                 "none: poses reject no loops (default 2,0.1,0.5)",
                  &gate_text);
   declare_output(options);
   options.check([this] { finish(); });

@@ -110,9 +110,7 @@ std::vector<RingPair> pairs_for(const TrainRingOptions& options, const Dataset& 
 std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<int64_t>& scans,
                                       double radius, int frames_apart) {
   std::vector<RingPair> pairs;
-  const auto heading_of = [](const Pose& upright) {
-    return std::atan2(upright(1, 0), upright(0, 0));
-  };
+  const auto heading_of = [](const Pose& up) { return std::atan2(up(1, 0), up(0, 0)); };
   const auto scan_of = [&](int64_t row) -> const ScanRef& {
     return dataset.scans[static_cast<size_t>(row)];
   };

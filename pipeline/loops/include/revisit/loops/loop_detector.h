@@ -50,7 +50,7 @@ class RecentEntries {
 void check_keyframes(const std::string& text);
 
 /// Limits of the difference between the pose of a scan and its pose by a loop. They grow with the
-/// path from the place to the scan. Tilts that the poses show may differ by 2.5 degrees.
+/// path from the place to the scan. In a drive, tilts that poses show may differ by 2.5 degrees.
 struct OdometryGate {
   double base = 2;      ///< horizontal [m]
   double rate = 0.1;    ///< horizontal, per meter of path; height, tilt [deg]: a twentieth
