@@ -57,7 +57,6 @@ Eigen::Isometry3d Odometry::motion_of(const SeenScan& scan, std::optional<double
   const auto registered = [&](double yaw, double radius) {
     RegistrationOptions options = options_;
     options.search_radius = std::min(radius, options_.search_radius);
-    options.min_inlier_ratio = kMinInlierRatio;
     return register_scans(scan.prepared(), reference_->scan.prepared(), yaw, options);
   };
   const auto contradiction_of = [&](const Registration& one) {

@@ -14,7 +14,8 @@
 namespace revisit {
 namespace {
 
-constexpr double kConfirmed = 0.2;  // a confirmed loop may have less than the threshold
+constexpr double kConfirmed = 0.2;          // a confirmed loop may have less than the threshold
+constexpr double kConfirmedInliers = 0.15;  // with fewer, half were off by more than 0.5 m
 
 /// Transforms a registration of mounted points to the sensors' frames. `mount`: of the query.
 void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
@@ -163,7 +164,8 @@ std::string Verification::judge(const SeenScan& query, const DriveHistory& histo
   const bool is_hidden = history.is_hidden(query, place.scan);
   const double threshold = acceptance_.threshold().value_or(std::numeric_limits<double>::max());
   const bool is_free = candidate.registered->constraint < options_.registration.min_constraint;
-  const bool is_confirmed = (is_hidden || is_free || score < threshold) &&
+  const bool is_confirmed = candidate.registered->inlier_ratio >= kConfirmedInliers &&
+                            (is_hidden || is_free || score < threshold) &&
                             score >= threshold - kConfirmed * scale && history.confirms(place, T);
   if (is_free && !is_confirmed) {
     candidate.place.reset();

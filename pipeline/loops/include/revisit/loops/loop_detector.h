@@ -85,7 +85,7 @@ struct LoopDetectorOptions {
   /// nothing, e.g. because they are ground truth, which must not help to find what it evaluates.
   std::optional<OdometryGate> odometry_gate = OdometryGate();
   /// Requires few inliers, because free space decides.
-  RegistrationOptions registration{.min_inlier_ratio = 0.15};
+  RegistrationOptions registration{.min_inlier_ratio = 0.1};
   /// Gets messages about the map (Map::Map()), and about a calibration of it that is corrupt or for
   /// another score, and ignored. Absent: standard error.
   MapStore::Warn warn;
