@@ -63,14 +63,17 @@ bool DriveHistory::is_hidden(const SeenScan& scan, const SeenScan& place) const 
 std::optional<Eigen::Isometry3d> DriveHistory::between(const CandidatePlace& to,
                                                        const CandidatePlace& from,
                                                        const Eigen::Isometry3d& expected) const {
+  constexpr double kFarthest = 20;  // [m]
   if (to.index == from.index) return Eigen::Isometry3d::Identity();
   const auto T_to = entries_.find(to.index), T_from = entries_.find(from.index);
   if (T_to != entries_.end() && T_from != entries_.end())
     return T_to->second.pose.inverse() * T_from->second.pose;
   if (to.drive == from.drive && to.pose && from.pose) return to.pose->inverse() * *from.pose;
-  if (expected.translation().norm() > options_.search_radius) return std::nullopt;
+  RegistrationOptions options = options_;  // the scan may be far from both
+  options.search_radius = std::max(options.search_radius, expected.translation().norm() + 1);
+  if (options.search_radius > kFarthest) return std::nullopt;
   const Registration found =
-      register_scans(from.scan.prepared(), to.scan.prepared(), heading_of(expected), options_);
+      register_scans(from.scan.prepared(), to.scan.prepared(), heading_of(expected), options);
   if (!found.fits) return std::nullopt;
   constexpr double kUsual = 2;  // times the level
   constexpr int64_t kNear = 10;

@@ -23,12 +23,9 @@ void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isom
   registered.T_place_query = mount_of_place.inverse() * registered.T_place_query * mount;
   // Motions of the query and of the mounted query are related by the adjoint Ad(mount).
   const Eigen::Matrix3d R = mount.rotation();
-  Eigen::Matrix3d cross;
-  const Eigen::Vector3d& t = mount.translation();
-  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
   Eigen::Matrix<double, 6, 6> adjoint = Eigen::Matrix<double, 6, 6>::Zero();
   adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = R;
-  adjoint.topRightCorner<3, 3>() = cross * R;
+  for (int k = 0; k < 3; ++k) adjoint.block<3, 1>(0, 3 + k) = mount.translation().cross(R.col(k));
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
@@ -269,7 +266,8 @@ void Verification::verify(const Description& scan, const SeenScan& seen, Detecti
     found.questioned = history_.take_loop(*best.place, best.T_place_query, found.rejection.empty());
 }
 
-/// By the poses of the entries if they give the same pose, else by are_one().
+/// By the poses of the entries if they give the same pose, else by registration: the drive's motion
+/// may be unknown between them.
 bool Verification::are_one(const Candidate& one, const Candidate& other) const {
   constexpr double kNear = 1;  // [m]
   const auto &a = *one.place, &b = *other.place;
@@ -277,7 +275,7 @@ bool Verification::are_one(const Candidate& one, const Candidate& other) const {
       a.pose && b.pose &&
       ((*a.pose * one.T_place_query).translation() - (*b.pose * other.T_place_query).translation())
               .norm() < kNear;
-  return agree || history_.are_one(a, one.T_place_query, b, other.T_place_query);
+  return agree || alone_.are_one(a, one.T_place_query, b, other.T_place_query);
 }
 
 std::vector<Detection> Verification::locate(const Description& scan, const SeenScan& seen,

@@ -389,6 +389,13 @@ TEST(LoopDetector, LocatesWithoutAdding) {
   EXPECT_TRUE(on.detector.locate(view_of(room(2))).front().accepted) << "two entries, one place";
 }
 
+/// Without poses, registration relates them.
+TEST(LoopDetector, LocatesBetweenEntriesOfOnePlace) {
+  OnMap on({.threshold = 0});
+  for (const double x : {-4, 4}) on.detector.take(view_of(seen_from(x, 0.1 * x)), next_stamp());
+  EXPECT_TRUE(on.detector.locate(view_of(seen_from(0, 0.1))).front().accepted);
+}
+
 TEST(LoopDetector, FindsLoopsInAMapByPath) {
   const TempDir dir;
   std::vector<std::string> messages;
