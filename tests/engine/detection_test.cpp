@@ -235,7 +235,7 @@ TEST(DetectionOutput, RejectsInvalidParameters) {
                   "detection_output_param { num_classes: 2 nms_param { eta: 0 } }", {}, {"eta"});
   EXPECT_NO_THROW(
       layer_of("DetectionOutput",
-               "detection_output_param { num_classes: 2 nms_param { soft_nms: false } }"));
+               "detection_output_param { num_classes: 2 nms_param { soft_nms: false theta: 1 } }"));
   expect_rejected("DetectionOutput",
                   "detection_output_param { num_classes: 2 nms_param { soft_nms: true } }", {},
                   {"soft_nms"});
