@@ -60,8 +60,7 @@ constexpr bool fills_blocks(int64_t c) {
   return padded_channels(c) <= kMaxWaste * c;
 }
 
-/// Splits `items` into `parts` parts that are equal to within one `unit`; all but the last have
-/// full units.
+/// Splits `items` into `parts` parts equal to within one `unit`; all but the last have full units.
 struct Split {
   int64_t items, parts, unit = 1;
 

@@ -99,8 +99,7 @@ std::vector<float> initial_weights(const caffe::LayerParameter& layer, size_t bl
 ///
 /// Value i of blob b of the file's layer l depends only on (seed, l, b, i), by the finalizer of
 /// SplitMix64 (Steele et al. 2014). A Gaussian is the sum of 12 uniform 32-bit integers
-/// (Irwin-Hall: variance exactly 1, support +-6) without libm, so the bits are equal on all
-/// platforms.
+/// (Irwin-Hall: variance exactly 1, support +-6) without libm, so the bits are the same everywhere.
 void fill_randomly(Net::Impl& net, uint64_t seed);
 
 }  // namespace revisit::engine

@@ -200,7 +200,7 @@ bool is_supported_loss(std::string_view type) {
 
 bool selects_implementation(std::string_view field) {
   constexpr std::array kChoices = {"engine", "conv_algorithm", "conv_algos_override",
-                                   "cudnn_math_override"};
+                                   "cudnn_math_override", "cudnn_flavor"};
   return is_one_of(without_default(field), kChoices);
 }
 

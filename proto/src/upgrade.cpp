@@ -119,8 +119,7 @@ void upgrade_holes(caffe::NetParameter& net) {
   }
 }
 
-/// Moves pads of single sides to those of both. Contradictory ones stay, and the engine rejects
-/// them.
+/// Moves pads of single sides to those of both. The engine rejects contradictory ones, which stay.
 template <class Param>
 void upgrade_pads(Param& p, bool has_pad) {
   const bool is_upgraded = p.has_pad_h() && !p.has_pad_l() && !p.has_pad_t();

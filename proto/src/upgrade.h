@@ -54,8 +54,7 @@ bool merge_field(const google::protobuf::Message& from,
                  const google::protobuf::FieldDescriptor& field, const std::string& message,
                  const std::string& name, google::protobuf::Message& to);
 
-/// Type of the Crop in FCN's fork (V1's CROP), which computes its offset by aligning the pixels of
-/// both inputs.
+/// Type of the Crop in FCN's fork (V1's CROP), whose offset aligns the pixels of both inputs.
 constexpr const char* kAligningCrop = "CROP";
 
 /// Converts crops of that type to Caffe's Crop with the computed offset, where possible.

@@ -216,6 +216,8 @@ TEST(Mvn, PerChannelOrAcross) {
   expect_near(run("MVN", "mvn_param { eps: 1 }", shape, x), {-0.5F, 0.5F, -10.0F / 11, 10.0F / 11},
               1e-6F);
   expect_near(run("MVN", "", {2, 2}, x), {0, 0, 0, 0});  // a channel is one value
+  EXPECT_EQ(layer_of("MVN", "")->infer({Shape{2, 2}}, 1)[0], (Shape{2, 2, 1, 1}));
+  EXPECT_EQ(layer_of("MVN", "")->infer({Shape{1, 2, 2}}, 1)[0], (Shape{1, 2, 2, 1}));
   expect_rejected("MVN", "", {Shape{1, 1, 1, 1, 1}}, {"4 axes"});
 }
 

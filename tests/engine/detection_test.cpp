@@ -233,6 +233,12 @@ TEST(DetectionOutput, RejectsInvalidParameters) {
   expect_error<InputError>([] { layer_of("DetectionOutput", ""); }, {"num_classes"});
   expect_rejected("DetectionOutput",
                   "detection_output_param { num_classes: 2 nms_param { eta: 0 } }", {}, {"eta"});
+  EXPECT_NO_THROW(
+      layer_of("DetectionOutput",
+               "detection_output_param { num_classes: 2 nms_param { soft_nms: false theta: 1 } }"));
+  expect_rejected("DetectionOutput",
+                  "detection_output_param { num_classes: 2 nms_param { soft_nms: true } }", {},
+                  {"soft_nms"});
   const auto infer = [](std::vector<Shape> inputs) {
     return [=] {
       layer_of("DetectionOutput", "detection_output_param { num_classes: 3 }")->infer(inputs, 1);

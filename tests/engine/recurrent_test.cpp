@@ -298,6 +298,13 @@ TEST(ContinuationIndicator, IsZeroAtTheFirstStep) {
   EXPECT_EQ(found[0].values, (std::vector<float>{0, 0, 1, 1, 1, 1}));
   expect_rejected("ContinuationIndicator", "continuation_indicator_param { time_step: 3 }", {},
                   {"batch_size must be given"});
+  const std::string axis =
+      "continuation_indicator_param { time_step: 2 axis: -1 }";  // jolibrain/caffe
+  const auto by_axis =
+      run_layer({"ContinuationIndicator", axis, {{Shape{4, 3}, std::vector<float>(12)}}});
+  EXPECT_EQ(by_axis[0].shape, (Shape{2, 3}));
+  EXPECT_EQ(by_axis[0].values, (std::vector<float>{0, 0, 0, 1, 1, 1}));
+  expect_rejected("ContinuationIndicator", param, {Shape{4, 3}}, {"inputs"});
 }
 
 /// Two sequences of 4 steps and 3 classes; the second ends after 2.

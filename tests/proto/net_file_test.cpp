@@ -138,7 +138,7 @@ TEST(NetFile, FieldsThatSayHowToComputeAreIgnored) {
   const NetFile file = parse_net(
       "default_forward_type: FLOAT16 default_backward_math: FLOAT default_cudnn_math_override: 0\n"
       "layer { type: 'Convolution' forward_math: FLOAT16 convolution_param { "
-      "conv_algos_override: '1,1,1' } }",
+      "conv_algos_override: '1,1,1' cudnn_flavor: MIN_MEMORY } }",
       "net");
   ASSERT_EQ(file.warnings.size(), 3U);
   EXPECT_EQ(file.warnings[2],

@@ -99,13 +99,15 @@ class Nets(unittest.TestCase):
         self.net.setInput(np.zeros((2, 3, 8, 10), np.uint8))
         self.assertEqual(self.net.forward().shape, (2, 5))
         self.assertEqual(first[0, 4], 1)  # a copy
+        self.assertEqual(self.net.forward(None).shape, (2, 5))
         self.assertEqual([len(arrays) for arrays in self.net.forwardAndRetrieve(['pool', 'fc'])], [1, 1])
 
     def test_inputs(self):
         self.net.setInput(self.blob * 10, 'data', 0.5, (2, 4, 6))
         self.assertEqual(self.net.forward('conv')[0, :, 3, 3].tolist(), [-1, 8, 17, 26])
         self.net.setInputsNames(['image'])
-        self.net.setInput(self.blob, 'image')
+        self.net.setInput(self.blob, 'image', None, None)
+        self.assertEqual(self.net.forward('conv')[0, :, 3, 3].tolist(), [-1, 2, 5, 8])
         with self.assertRaisesRegex(revisit.UsageError, "no input 'data'; expected one of image"):
             self.net.setInput(self.blob, 'data')
         self.net.setInput(np.ones((1, 3, 4, 4)))
@@ -158,6 +160,12 @@ class Nets(unittest.TestCase):
         self.assertEqual(self.net.getFLOPS([shape]), 2 * (4 * 27 * 80 + 400))
         self.assertEqual(self.net.getFLOPS(1, shape), 2 * 4 * 27 * 80)
         self.assertEqual(self.net.getMemoryConsumption(shape), (2068, 4 * (240 + 320 + 320 + 80 + 5 + 5)))
+        numbers, inputs, outputs = self.net.getLayersShapes(shape)
+        self.assertEqual((numbers.tolist(), numbers.dtype), ([0, 1, 2, 3, 4, 5], np.int32))
+        self.assertEqual([inputs[i][0].tolist() for i in (0, 1, 3)], [[1, 3, 8, 10], [1, 3, 8, 10], [1, 4, 8, 10]])
+        self.assertEqual([outputs[i][0].tolist() for i in (0, 3, 5)], [[1, 3, 8, 10], [1, 4, 4, 5], [1, 5]])
+        first = self.net.getLayer(0)
+        self.assertEqual((first.name, first.type, first.blobs), ('_input', '', ()))
         self.net.setInput(self.blob)
         self.net.forward()
         ticks, times = self.net.getPerfProfile()
@@ -243,6 +251,10 @@ class Images(unittest.TestCase):
         self.assertEqual(dnn.blobFromImage(self.image, size=(4, 3))[0, 1].tolist(), [[33, 65, 96, 128], [76, 107, 139, 170], [118, 150, 181, 213]])
         self.assertEqual(dnn.blobFromImage(self.image, 0.5, (2, 2), (1, 2, 3), True, True).ravel().tolist(),
                          [43.5, 64.5, 44, 65, 39.5, 60.5, 40, 61, 35.5, 56.5, 36, 57])
+        deep = self.image.astype(np.uint16) * 37 // 4
+        self.assertEqual(dnn.blobFromImage(deep, size=(4, 3))[0, 1].tolist(), [[307, 599, 890, 1181], [700, 992, 1283, 1574], [1093, 1385, 1676, 1967]])
+        self.assertEqual(dnn.blobFromImage(deep, size=(3, 2))[0, 1].tolist(), [[744, 1133, 1521], [754, 1142, 1530]])
+        np.testing.assert_array_equal(dnn.blobFromImage(self.image, None, None, None), dnn.blobFromImage(self.image))
         blob = dnn.blobFromImages([self.image, self.image], ddepth=0)
         self.assertEqual((blob.dtype, blob.shape), (np.uint8, (2, 3, 4, 6)))
         self.assertEqual(dnn.imagesFromBlob(blob)[1].tolist(), self.image.tolist())
@@ -268,6 +280,8 @@ class Images(unittest.TestCase):
         net = conv_net()
         model = dnn.ClassificationModel(net)
         self.assertEqual(model.setInputScale(1 / 255).classify(np.full((40, 50, 3), 255, np.uint8)), (4, 1.0))
+        model.setInputParams(None, (10, 8), None)
+        self.assertEqual(model.classify(np.full((40, 50, 3), 255, np.uint8)), (4, 1.0))
         values = dnn.SegmentationModel(net).setOutputNames(['conv']).setInputSize(10, 8)
         self.assertEqual(values.segment(np.ones((40, 50, 3), np.uint8)).tolist(), np.full((8, 10), 3).tolist())
         frame = np.zeros((16, 20, 3), np.uint8)
@@ -275,7 +289,7 @@ class Images(unittest.TestCase):
         points = dnn.KeypointsModel(net).setOutputNames(['conv']).estimate(frame, 0)
         self.assertEqual(points.tolist(), [[-1, -1], [4, 8], [4, 8]])
         with self.assertRaisesRegex(revisit.UnsupportedError, 'Softmax; use predict'):
-            dnn.DetectionModel(net).detect(frame)
+            dnn.DetectionModel(net).setNmsAcrossClasses(True).detect(frame)
 
 
 def cv2_without_caffe():

@@ -169,6 +169,13 @@ class AgainstOpenCv(unittest.TestCase):
         self.assertEqual(ours.getMemoryConsumption(shape), theirs.getMemoryConsumption(shape))
         self.assertEqual(ours.getMemoryConsumption(1, shape), theirs.getMemoryConsumption(1, shape))
         self.assertLess(abs(ours.getFLOPS(shape) / theirs.getFLOPS(shape) - 1), 0.5)
+        for given in (shape, [shape]):
+            (numbers, *found), (their_numbers, *expected) = ours.getLayersShapes(given), theirs.getLayersShapes(given)
+            np.testing.assert_array_equal(numbers, their_numbers, strict=True)
+            self.assertEqual(repr(tuple(found)), repr(tuple(expected)))
+        for number in (0, 1):
+            self.assertEqual(ours.getLayer(number).type, theirs.getLayer(number).type)
+            np.testing.assert_equal(ours.getLayer(number).blobs, theirs.getLayer(number).blobs)
         self.assertEqual(ours.getLayerTypes(), theirs.getLayerTypes())
         blob = self.random.normal(size=shape).astype(np.float32)
         for net in (theirs, ours):
@@ -178,13 +185,13 @@ class AgainstOpenCv(unittest.TestCase):
 
     def test_inputs(self):
         blob = self.random.integers(0, 256, (1, 4, 13, 17)).astype(np.uint8)
-        for arguments in ((), ('data',), ('', 0.5), ('data', 2.0, (1, 2, 3, 4)), ('', 1.0, 7)):
+        for arguments in ((), ('data',), ('', None, None), ('', 0.5), ('data', 2.0, (1, 2, 3, 4)), ('', 1.0, 7)):
             for type_ in (np.uint8, np.float32, np.float64, np.int32):
                 with self.subTest(arguments=arguments, type=type_):
                     theirs, ours, _ = self.both(INPUT + CONV.format('c', 'data', 2))
                     for net in (theirs, ours):
                         net.setInput(blob.astype(type_), *arguments)
-                    self.assertLess(relative_difference(theirs.forward(), ours.forward()), 1e-5)
+                    self.assertLess(relative_difference(theirs.forward(), ours.forward(None)), 1e-5)
 
     def test_blobs(self):
         for case in range(60):
@@ -202,6 +209,11 @@ class AgainstOpenCv(unittest.TestCase):
                 np.testing.assert_allclose(found, expected, rtol=1e-6, atol=2e-5)
                 smooth = image.astype(np.float32)
                 np.testing.assert_allclose(dnn.blobFromImage(smooth, **options), cv2.dnn.blobFromImage(smooth, **options), atol=4e-3)
+                for deep in (image.astype(np.uint16) * 257, image.astype(np.int16) * -37):  # rounded, as OpenCV does
+                    expected, found = cv2.dnn.blobFromImage(deep, **options), dnn.blobFromImage(deep, **options)
+                    self.assertLess(np.mean(~np.isclose(found, expected, rtol=1e-6, atol=1e-3 * options['scalefactor'])), 0.3)  # halves
+                    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1.001 * options['scalefactor'])
+                np.testing.assert_array_equal(dnn.blobFromImage(image, None, None, None), cv2.dnn.blobFromImage(image, None, None, None))
         pair = [image, image[::-1].copy()]
         np.testing.assert_array_equal(dnn.blobFromImages(pair, ddepth=cv2.CV_8U), cv2.dnn.blobFromImages(pair, ddepth=cv2.CV_8U))
         for a, b in zip(dnn.imagesFromBlob(expected), cv2.dnn.imagesFromBlob(expected), strict=True):

@@ -14,8 +14,7 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-/// Probability of `heads` heads in n tosses, which is that of `heads` of n samples below the
-/// median.
+/// Probability of `heads` heads in n tosses, that of `heads` of n samples below the median.
 double probability_of_heads(size_t heads, size_t n) {
   const auto k = static_cast<double>(heads), tosses = static_cast<double>(n);
   return std::exp(std::lgamma(tosses + 1) - std::lgamma(k + 1) - std::lgamma(tosses - k + 1) -

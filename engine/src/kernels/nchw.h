@@ -117,8 +117,7 @@ void lrn_across_channels_reference(const LrnProblem& problem, const float* input
 /// x * (1 + alpha * mean of squares) ^ -beta. `k` is not used, as in Caffe.
 void lrn_within_channel(const LrnProblem& problem, const float* input, float* output);
 
-/// Maximum of an empty window: the lowest value of the type, because bfloat16 rounds -FLT_MAX to
-/// -infinity.
+/// Maximum of an empty window: the lowest value of the type, as bfloat16 rounds -FLT_MAX to -inf.
 constexpr float empty_maximum(Precision values) {
   return values == Precision::kFloat32 ? -FLT_MAX : -0x1.FEp127F;
 }

@@ -104,7 +104,9 @@ class Mvn : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     if (input.rank() > 4) throw InputError("MVN needs an input of at most 4 axes, found ", input);
-    return input;
+    std::vector<int64_t> axes = input.axes();
+    axes.resize(4, 1);  // as Caffe reshapes it
+    return Shape(axes);
   }
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }

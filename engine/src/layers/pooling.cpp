@@ -236,8 +236,7 @@ class Spp : public OneToOneLayer {
     return sum;
   }
 
-  /// Returns kernel and pad. Follows Caffe's rule: the pad is half of the missing pixels, rounded
-  /// up.
+  /// Returns kernel and pad. Follows Caffe's rule: half of the missing pixels, rounded up.
   static std::pair<uint32_t, uint32_t> cover(int64_t size, int64_t n_bins) {
     const int64_t kernel = (size + n_bins - 1) / n_bins;
     const int64_t pad = (kernel * n_bins - size + 1) / 2;

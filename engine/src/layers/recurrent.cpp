@@ -10,8 +10,7 @@ enum class Cell { kLstm, kRnn };
 
 /// LSTM and RNN. Inputs: x `[steps][streams][...]`, cont `[steps][streams]`, optionally a static
 /// input `[streams][...]`. With expose_hidden also the hidden state (LSTM: and the cell) before the
-/// first step, and further outputs for the state after the last step. Otherwise the layer keeps its
-/// state.
+/// first step, and further outputs for the state after the last. Otherwise it keeps its state.
 class Recurrent : public Layer {
  public:
   Recurrent(const caffe::RecurrentParameter& param, Cell cell)
@@ -126,8 +125,7 @@ class Recurrent : public Layer {
 /// LSTM of junhyukoh/caffe-lstm, lstm_layer.cpp. Inputs: x and optionally `clip`, which is nonzero
 /// for steps that continue a sequence and 0 for those that start one. Without `clip` each pass is
 /// one sequence; with it the layer keeps its state. x is `[steps][streams][...]`
-/// (tianzhi0549/CTPN); with batch_size or two axes it is `[steps * streams][...]`, as in the
-/// original.
+/// (tianzhi0549/CTPN); with batch_size or two axes, as in the original, `[steps * streams][...]`.
 class RowsLstm : public Layer {
  public:
   explicit RowsLstm(const caffe::LstmParameter& param)

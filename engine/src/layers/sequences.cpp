@@ -5,30 +5,32 @@
 namespace revisit::engine {
 namespace {
 
-/// Sequence indicators [steps][sequences]: 0 at the first step, 1 after it.
+/// Sequence indicators [steps][sequences]: 0 at the first step, 1 after it. Without batch_size, an
+/// axis of the input has the sequences.
 class ContinuationIndicator : public Layer {
  public:
   explicit ContinuationIndicator(const caffe::ContinuationIndicatorParameter& param)
-      : steps_(param.time_step()), sequences_(param.batch_size()) {
-    if (steps_ < 1 || sequences_ < 1)
-      throw InputError("time_step and batch_size must be given and at least 1");
-  }
+      : param_(param) {}
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 0, "inputs");
+    const bool by_axis = param_.batch_size() == 0 && inputs.size() == 1;
+    if (param_.time_step() == 0 || (param_.batch_size() == 0 && !by_axis))
+      throw InputError("time_step and batch_size must be given and at least 1");
+    expect_count(inputs.size(), by_axis ? 1 : 0, "inputs");
     expect_count(n_outputs, 1, "outputs");
-    return {Shape{steps_, sequences_}};
+    const auto axis = [&] { return inputs[0].canonical_axis(param_.axis(), "axis"); };
+    return {Shape{param_.time_step(), by_axis ? inputs[0][axis()] : param_.batch_size()}};
   }
 
-  Kernel bind(const Binding&) const override {
-    return {"fill", [steps = steps_, sequences = sequences_](const Call& call) {
-              std::fill_n(call.outputs[0], sequences, 0.0F);
-              std::fill_n(call.outputs[0] + sequences, (steps - 1) * sequences, 1.0F);
+  Kernel bind(const Binding& binding) const override {
+    return {"fill", [shape = binding.outputs[0]](const Call& call) {
+              std::fill_n(call.outputs[0], shape[1], 0.0F);
+              std::fill_n(call.outputs[0] + shape[1], (shape[0] - 1) * shape[1], 1.0F);
             }};
   }
 
  private:
-  int64_t steps_, sequences_;
+  caffe::ContinuationIndicatorParameter param_;
 };
 
 struct Decoding {

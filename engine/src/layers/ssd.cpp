@@ -20,8 +20,7 @@ constexpr size_t kMaxBoxes = 10'000;
 constexpr float kLargest = 1e6F;  // [pixels]; also rejects NaN
 
 /// SSD's prior boxes: around the center of each cell of the first input, as fractions of the image,
-/// the second input. Output `[1][2][cells * boxes * 4]`: corners xmin, ymin, xmax, ymax, then their
-/// variances.
+/// the second input. Output `[1][2][cells * boxes * 4]`: xmin, ymin, xmax, ymax, then variances.
 class PriorBox : public Layer {
  public:
   PriorBox(const caffe::PriorBoxParameter& param, bool clustered) : param_(param) {
@@ -208,6 +207,7 @@ class DetectionOutput : public Layer {
     if (param.num_classes() < 1) throw InputError("num_classes must be given and at least 1");
     const caffe::NonMaximumSuppressionParameter& nms = param.nms_param();
     if (!(nms.nms_threshold() >= 0)) throw InputError("nms_threshold must not be negative");
+    if (nms.soft_nms()) throw InputError("soft_nms is not supported");
     if (!(nms.eta() > 0 && nms.eta() <= 1)) throw InputError("eta must be above 0 and at most 1");
   }
 

@@ -26,13 +26,15 @@ def _halved(image):
 
 
 def resize(image, size, step=None):
-    """Returns the image [height][width][channels], uint8 or float32, in another size (width, height), interpolated linearly.
+    """Returns the image [height][width][channels], of 8 or 16 bits or float32, in another size (width, height), interpolated linearly.
 
     step: distance of two output pixels in the input; None: as the sizes are. uint8 is computed in OpenCV's fixed-point numbers.
     """
     height, width = image.shape[:2]
     if (width, height) == tuple(size):
         return image
+    if image.dtype not in (np.uint8, np.float32):
+        return np.rint(resize(image.astype(np.float32), size, step))
     steps = (step, step) if step else (1 / (size[0] / width), 1 / (size[1] / height))
     if steps == (2, 2) and (width, height) == (2 * size[0], 2 * size[1]):
         return _halved(image)
@@ -59,7 +61,7 @@ def _checked(image):
                          f'{image.shape} (an empty image is a file that was not read)')
     if image.ndim == 2:
         image = image[:, :, None]
-    return image if image.dtype == np.uint8 else image.astype(np.float32)
+    return image if image.dtype in (np.uint8, np.uint16, np.int16) else image.astype(np.float32)
 
 
 def _fitted(image, size, crop):
@@ -74,8 +76,8 @@ def _fitted(image, size, crop):
 
 
 def scalar(values):
-    """Returns OpenCV's Scalar as four float32: missing values are 0, as is the rest of a single number."""
-    given = np.atleast_1d(np.asarray(values, np.float64)).ravel()
+    """Returns OpenCV's Scalar as four numbers: missing values are 0, as is the rest of a single number; None has none."""
+    given = np.asarray(() if values is None else values, np.float64).ravel()
     if given.size > 4:
         raise UsageError(f'mean: expected up to 4 values, found {given.size}')
     return np.concatenate([given, np.zeros(4 - given.size)])
@@ -83,7 +85,7 @@ def scalar(values):
 
 def blobFromImages(images: Iterable[ArrayLike], scalefactor: float = 1.0, size: Sequence[int] = (0, 0), mean: ArrayLike = (),
                    swapRB: bool = False, crop: bool = False, ddepth: int = CV_32F) -> NDArray[Any]:
-    """Returns images as a blob [n][channels][height][width]: resized, (image - mean) * scalefactor.
+    """Returns images as a blob [n][channels][height][width]: resized, (image - mean) * scalefactor. None stands for a default.
 
     Args:
         images: arrays [height][width] or [height][width][channels] of 1, 3 or 4 channels; all get one size.
@@ -99,7 +101,7 @@ def blobFromImages(images: Iterable[ArrayLike], scalefactor: float = 1.0, size: 
         raise UsageError('blobFromImages: expected at least one image, found none')
     if ddepth not in (-1, CV_8U, CV_32F):
         raise UsageError(f'blobFromImage: expected ddepth {CV_32F} (float32) or {CV_8U} (uint8), found {ddepth}')
-    size = tuple(int(n) for n in size)
+    size = (0, 0) if size is None else tuple(int(n) for n in size)
     if size == (0, 0):
         size = checked[0].shape[1::-1]
     if min(size) < 1:
@@ -112,13 +114,13 @@ def blobFromImages(images: Iterable[ArrayLike], scalefactor: float = 1.0, size: 
         stack = stack[..., [2, 1, 0, 3][: stack.shape[3]]]
     mean = scalar(mean)[: stack.shape[3]]
     if ddepth == CV_8U:
-        if stack.dtype != np.uint8 or scalefactor != 1 or mean.any():
+        if stack.dtype != np.uint8 or scalefactor not in (None, 1) or mean.any():
             raise UsageError('blobFromImage: a blob of uint8 needs images of uint8, without mean and scalefactor')
         return np.ascontiguousarray(stack.transpose(0, 3, 1, 2))
     blob = stack.transpose(0, 3, 1, 2).astype(np.float32, order='C')
     if mean.any():
         blob -= mean.astype(np.float32)[None, :, None, None]
-    if scalefactor != 1:
+    if scalefactor not in (None, 1):
         blob *= np.float32(scalefactor)
     return blob
 

@@ -33,7 +33,8 @@ class Model:
     def setInputParams(self, scale: ArrayLike = 1.0, size: Sequence[int] = (0, 0), mean: ArrayLike = (), swapRB: bool = False,
                        crop: bool = False) -> None:
         """Sets the arguments of blobFromImage()."""
-        self._scale, self._size, self._mean, self._swap, self._crop = scale, tuple(size), mean, swapRB, crop
+        self._scale, self._size = 1.0 if scale is None else scale, (0, 0) if size is None else tuple(size)
+        self._mean, self._swap, self._crop = mean, swapRB, crop
 
     def setInputSize(self, *size: Any) -> 'Model':
         """Sets (width, height), also as two arguments."""
@@ -101,7 +102,9 @@ class ClassificationModel(Model):
 
 
 class DetectionModel(Model):
-    """Model whose net ends with a DetectionOutput: SSD, Faster R-CNN."""
+    """Model whose net ends with a DetectionOutput: SSD, Faster R-CNN. setNmsAcrossClasses() does nothing, as in cv2.dnn for such nets."""
+
+    setNmsAcrossClasses = _setter('_across')
 
     def detect(self, frame: ArrayLike, confThreshold: float = 0.5, nmsThreshold: float = 0.0) -> tuple[Any, Any, Any]:
         """Returns classes, confidences, and boxes (left, top, width, height) [pixels]; () if there is none."""

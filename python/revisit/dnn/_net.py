@@ -20,7 +20,7 @@ from ._images import scalar
 _MAX_RUNS = 4  # cached runs of other outputs or shapes; each has the memory of its blobs
 _CPU_BACKENDS, _CPU_TARGETS = (0, 2, 3), (0, 10)  # default, OpenVINO, OpenCV; CPU, CPU_FP16
 _NO_SHAPE = 'gives no shape for the input'  # the engine's message; setInput() gives one
-_INPUT = '__NetInputLayer__'  # type of layer 0
+_INPUT = '__NetInputLayer__'  # in the list of types; layer 0 has the type ''
 
 
 _registered = {}  # type of layer -> class
@@ -58,9 +58,9 @@ class Layer:
         self._net, self.name, self.type = net, node.name, node.type
 
     @property
-    def blobs(self) -> list[NDArray[np.float32]]:
+    def blobs(self) -> tuple[NDArray[np.float32], ...]:
         """Copies of the weights."""
-        return [blob.copy() for blob in self._net._weights_of(self.name)] if self.type != _INPUT else []
+        return tuple(blob.copy() for blob in self._net._weights_of(self.name)) if self.type else ()
 
     @blobs.setter
     def blobs(self, arrays: Sequence[ArrayLike]) -> None:
@@ -71,7 +71,7 @@ class Layer:
     def outputNameToIndex(self, outputName: str) -> int:
         """Returns the number of an input, -1 for another name, for layer 0; else 0, because outputs of layers have no names."""
         inputs = self._net._inputs
-        return 0 if self.type != _INPUT else inputs.index(outputName) if outputName in inputs else -1
+        return 0 if self.type else inputs.index(outputName) if outputName in inputs else -1
 
 
 class Net:
@@ -89,15 +89,13 @@ class Net:
         self._missing = set()  # layers without weights
         self._changed = {}  # layer -> index -> weights that setParam() has set since loading
         self._runs = OrderedDict()  # outputs, threads and shapes -> run of the engine
-        self._last = None  # the last run
-        self._ticks = 0
+        self._last, self._ticks = None, 0  # the last run and its time
 
     def _take(self, file, weights, names):
         """file: a NetFile. weights: bytes of a caffemodel; None: those in the file. names: of both for messages."""
         self._graph = Graph(file)
         self._inputs = list(self._graph.inputs)  # setInputsNames() renames them
-        self._names = names
-        self._content = file.to_bytes() if weights is None else weights
+        self._names, self._content = names, file.to_bytes() if weights is None else weights
         try:
             self._load()
         except InputError as error:
@@ -166,7 +164,7 @@ class Net:
             if channels > 4:
                 raise UsageError(f'setInput: expected at most 4 channels with a mean, found {channels}')
             values -= mean[:channels].astype(np.float32).reshape(-1, *[1] * (values.ndim - 2))
-        if scalefactor != 1:
+        if scalefactor not in (None, 1):
             values *= np.float32(scalefactor)
         self._blobs[self._input(name)] = values
 
@@ -192,17 +190,17 @@ class Net:
         self._check_not_empty()
         self._shapes[self._input(inputName)] = tuple(int(n) for n in shape)
 
-    def forward(self, outputName: str | Sequence[str] = '', outputBlobs: Any = None, *, outBlobNames: Sequence[str] | None = None) -> Any:
+    def forward(self, outputName: str | Sequence[str] | None = '', outputBlobs: Any = None, *, outBlobNames: Sequence[str] | None = None) -> Any:
         """Runs the layers that the outputs need.
 
         Args:
-            outputName: name of a layer, or list of names; '': the last layer.
+            outputName: name of a layer, or list of names; '' or None: the last layer.
         Returns:
             The first output of the layer, a new array; for a list a tuple of them.
         """
         self._check_not_empty()
         names = outputName if outBlobNames is None else outBlobNames
-        if isinstance(names, str):
+        if isinstance(names, str | None):
             return self._forward([self._node(names or len(self._graph.layers)).ports[:1]])[0][0]
         names = list(names) or [self._graph.layers[-1].name]
         return tuple(arrays[0] for arrays in self._forward([self._node(name).ports[:1] for name in names]))
@@ -279,7 +277,7 @@ class Net:
 
     def getLayer(self, layerId: str | int) -> Layer:
         """Returns a layer by name or number: `name`, `type`, `blobs`. Number 0 stands for the inputs."""
-        return Layer(self, Node('_input', _INPUT, '', []) if layerId in (0, '_input') else self._node(layerId))
+        return Layer(self, Node('_input', '', '', []) if layerId in (0, '_input') else self._node(layerId))
 
     def getUnconnectedOutLayers(self) -> NDArray[np.int32]:
         """Returns the numbers of the layers of which no layer reads an output, int32."""
@@ -343,6 +341,14 @@ class Net:
         outputs += shapes if len(arguments) == 1 else []
         return weights, sum(4 * int(np.prod(shape)) for shape in outputs)
 
+    def getLayersShapes(self, netInputShapes: Any) -> tuple[NDArray[np.int32], Any, Any]:
+        """Returns the numbers of all layers, 0 for the inputs, and tuples of the shapes of their inputs and outputs, int32 arrays."""
+        shapes, nodes, costs = self._costs([netInputShapes])
+        known = [(costs[node.layer].inputs, costs[node.layer].outputs) if node.layer in costs else ((), ()) for node in nodes]
+        sides = zip((shapes, shapes), *known)
+        arrays = [tuple(tuple(np.array(shape, np.int32) for shape in some) for some in side) for side in sides]
+        return np.arange(len(nodes) + 1, dtype=np.int32), *arrays
+
     def getPerfProfile(self) -> tuple[int, NDArray[np.float64]]:
         """Returns the time of the last forward() and the times of its layers in another pass [ns, the ticks of cv2]."""
         times = dict.fromkeys((node.layer for node in self._graph.layers), 0.0)
@@ -395,15 +401,13 @@ def readNetFromCaffe(prototxt: Any = None, caffeModel: Any = '', *, bufferProto:
         revisit.InputError: the files cannot be read, do not parse, or do not match.
         revisit.UnsupportedError: the engine lacks a layer type.
     """
-    prototxt = prototxt if bufferProto is None else bufferProto
-    caffeModel = caffeModel if bufferModel is None else bufferModel
-    options = {'allow_unknown_fields': True}
+    prototxt, caffeModel = (b if a is None else a for a, b in ((bufferProto, prototxt), (bufferModel, caffeModel)))
     if _is_buffer(prototxt):
         text_name = '<prototxt>'
-        file = proto.parse_net(_content(prototxt).decode('utf-8', 'surrogateescape'), **options)
+        file = proto.parse_net(_content(prototxt).decode('utf-8', 'surrogateescape'), allow_unknown_fields=True)
     else:
         text_name = os.fspath(prototxt)
-        file = proto.read_net(text_name, **options)
+        file = proto.read_net(text_name, allow_unknown_fields=True)
     for note in file.warnings:
         warnings.warn(note, stacklevel=2)
     if _is_buffer(caffeModel):

@@ -51,9 +51,10 @@ def _centered(g, x, axes):
 def _mvn(g, site):
     p, rank = site.message.mvn_param, len(site.shapes[0])
     first = min(1 if p.across_channels else 2, rank)
+    x = site.x[0] if rank == 4 else g.reshape(site.x[0], *[0] * rank, *[1] * (4 - rank))
     if first == rank:  # every value is its own mean
-        return [g.node('Sub', site.x[0], site.x[0])]
-    centered, variance = _centered(g, site.x[0], list(range(first, rank)))
+        return [g.node('Sub', x, x)]
+    centered, variance = _centered(g, x, list(range(first, rank)))
     if not p.normalize_variance:
         return [centered]
     return [g.node('Div', centered, g.affine(g.node('Sqrt', variance), shift=p.eps))]

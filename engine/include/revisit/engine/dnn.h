@@ -42,8 +42,7 @@ class Net {
   }
 
   /// Runs the layers that a layer needs and returns its first output; "": the last layer. Throws
-  /// UsageError for an unknown layer or an input without values, InputError for shapes that do not
-  /// fit.
+  /// UsageError for an unknown layer or an input without values, InputError for unsuitable shapes.
   cv::Mat forward(const std::string& layer = "") {
     return forward_all({layer.empty() ? net_.layer_names().back() : layer}).front();
   }

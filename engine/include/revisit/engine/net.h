@@ -26,8 +26,7 @@ class MemoryError : public Error {
 /// What Net::load() reads, and how.
 struct LoadOptions {
   /// Layer that provides the output, before in-place layers that follow; or, if no layer has the
-  /// name, a blob after them. Later layers are ignored and their weights are not read. Empty: the
-  /// full net.
+  /// name, a blob after them. Later layers and their weights are not read. Empty: the full net.
   std::string end = {};
   /// Layer without weights (e.g. "pool5") to append after `end`, its in-place layers, and its
   /// BatchNorm, Scale and ReLU: the paper's "conv3+pool5". If other layers read the same value, a
@@ -119,8 +118,7 @@ struct LayerCost {
   std::string kernel;
   /// "" if not a convolution, else "fastest predicted", "rounding amplified later" (faster kernels
   /// round too much for a later layer), "strict accuracy", "memory limit" (max_run_bytes excludes
-  /// faster kernels), "blocking not faster" (few channels, or a CPU without AVX2), "reference
-  /// requested".
+  /// faster kernels), "blocking not faster" (few channels, or no AVX2), "reference requested".
   std::string selection_reason;
   bool winograd = false;  ///< the kernel uses Winograd's algorithm
   bool exact = false;     ///< only moves or selects values, or (leaky ReLU) scales each once

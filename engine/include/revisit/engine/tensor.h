@@ -41,8 +41,7 @@ class Shape {
   int64_t elements() const { return product(0, rank()); }        ///< 1 for a scalar
   /// Product of the axes [begin, end).
   int64_t product(size_t begin, size_t end) const;
-  /// Resolves Caffe's axis index; negative indices count from the end. Throws InputError with
-  /// `what`.
+  /// Resolves Caffe's axis index; negative ones count from the end. Throws InputError with `what`.
   size_t canonical_axis(int64_t axis, std::string_view what) const;
   Shape with(size_t axis, int64_t size) const;  ///< this shape with another size of one axis
   /// Allows size 0, for data-dependent numbers of rows.

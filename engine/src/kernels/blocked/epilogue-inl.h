@@ -50,8 +50,7 @@ HWY_INLINE Vector where_negative(Vector x, Vector negative) {
   return hn::IfThenElse(hn::Lt(x, hn::Zero(Tag())), negative, x);
 }
 
-/// slope * x + 0 for negative x, because Caffe's expression max(x, 0) + slope * min(x, 0) is never
-/// -0 there.
+/// slope * x + 0 for negative x, because Caffe's max(x, 0) + slope * min(x, 0) is never -0 there.
 HWY_INLINE Vector leak(Vector slope, Vector x) {
   return hn::MulAdd(slope, x, hn::Zero(Tag()));
 }

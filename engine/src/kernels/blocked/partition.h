@@ -130,8 +130,7 @@ inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t panels,
   return {{columns, chunks, panel.unit}, true};
 }
 
-/// Rows of an AMX tile, 64 bytes each, and bfloat16 per row. Two tiles of pixels are multiplied
-/// together.
+/// Rows of an AMX tile, 64 bytes each, and bfloat16 per row. Two tiles are multiplied together.
 constexpr int64_t kTileRows = 16, kTileDepth = 32;
 constexpr Panel kTilePanel = {2 * kTileRows, kTileRows};
 

@@ -27,8 +27,7 @@ struct NetReadOptions {
   /// Keeps training-only layers: other phases, data layers, losses. The net is then only upgraded,
   /// not reduced to the inference net.
   bool keep_training = false;
-  /// Keeps layers of type Python for a caller that executes them. Otherwise those without bottoms
-  /// become inputs.
+  /// Keeps Python layers for a caller that runs them. Else those without bottoms become inputs.
   bool keep_python = false;
   /// Phase TRAIN instead of TEST, level, and stages in addition to those of the file: select layers
   /// by their include and exclude rules.
