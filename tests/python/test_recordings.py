@@ -554,9 +554,10 @@ class Layouts(Folders):
             np.savez(file, self.points[0])
         header = b"{'descr': (".ljust(117) + b'\n'  # truncated
         self.put('14.npy', b'\x93NUMPY\1\0' + struct.pack('<H', 118) + header)
+        np.save(self.folder / '15.npy', self.points[0][:, :3].T)
         scans = list(open_recording(self.folder).scans())
         for scan, says in zip(scans[3:], (r'12.npy: expected .* found float64 of shape \(5, 2\)', '13.npy: .* an archive',
-                                          '14.npy: cannot be read')):
+                                          '14.npy: cannot be read', '15.npy: .* a column for each point'), strict=True):
             with self.assertRaisesRegex(revisit.InputError, says):
                 scan.points()
 
