@@ -336,6 +336,13 @@ class Bags(Folders):
                            ('/front 1 0 0 0 0 0 0\n', 'poses.txt:1: expected'), ('front a b c d e f g\n', 'poses.txt:1: expected')):
             with self.subTest(text), self.assertRaisesRegex(revisit.Error, says):
                 open_recording(alone, topics='/front,/rear', extrinsics=self.put('poses.txt', text))
+        file = self.put('poses.txt', '\ufefffront 1 0 0.5 0 0 0 1\n/rear -1 0 0.5 0 0 2 0\n')
+        self.check(expected, path=alone, atol=1e-5, topics='/front, /rear', extrinsics=file)
+        for topics in ('/front,/front', '/front,/front@front', ','):
+            with self.subTest(topics), self.assertRaises(revisit.UsageError):
+                open_recording(alone, topics=topics, extrinsics=file)
+        with self.assertRaisesRegex(revisit.InputError, 'poses.txt:3: a second pose of /rear'):
+            open_recording(alone, topics='/front,/rear', extrinsics=self.put('poses.txt', file.read_text() + '/rear 0 0 0 0 0 0 1\n'))
 
     def test_merged_sensors_may_scan_at_other_rates(self):
         def merged(late, clouds, **more):
@@ -344,6 +351,11 @@ class Bags(Folders):
                                                         '/b': [placed(packed(cloud), 'b', late) for cloud in clouds]})
                 return [scan.read() for scan in open_recording(path, topics=['/a', '/b'], extrinsics=self.put(
                     'poses', 'a 0 0 0 0 0 0 1\nb 0 0 0 0 0 0 1\n')).scans()]
+        seldom = write_bag(self.folder, 'sqlite3', {'/a': [placed(packed(cloud), 'a') for cloud in self.clouds],
+                                                    '/b': [placed(packed(self.clouds[0]), 'b')]})
+        file = self.put('poses', 'a 0 0 0 0 0 0 1\nb 0 0 0 0 0 0 1\n')
+        self.assertRegex(open_recording(seldom, topics='/a,/b', extrinsics=file).warnings[0], '/b has 1 scans, /a 4')
+        self.assertEqual(open_recording(seldom, topics='/b,/a', extrinsics=file).warnings, [])
         zeros = self.clouds[3].copy()
         zeros[::2] = 0
         read = merged(0, [self.clouds[0], zeros])
