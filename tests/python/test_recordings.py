@@ -180,6 +180,9 @@ class PointCloud2(unittest.TestCase):
                 setattr(cloud, name, value)
             with self.assertRaisesRegex(revisit.InputError, says):
                 points_of(cloud)
+        twice = packed(self.points)
+        twice.fields.append(SimpleNamespace(name='x', offset=4, datatype=7, count=1))
+        np.testing.assert_array_equal(points_of(twice)[0], self.points)
         wrong('expected a field z', fields=packed(self.points).fields[:2])
         wrong('field y: .* found int32', fields=packed(self.points, types='fif').fields)
         wrong('ends at byte 12, beyond point_step 10', point_step=10)
@@ -230,6 +233,9 @@ class Bags(Folders):
                     np.testing.assert_array_equal(points[normal], cloud[normal])
                     self.assertTrue(np.isnan(points[~normal]).all())
                     np.testing.assert_allclose(times, np.arange(200) * 5e-4, atol=1e-6)
+        point = SimpleNamespace(x=1, y=2, z=3, tag=0, offset_time=5)
+        points, times = livox.points_of_custom(SimpleNamespace(point_num=1, timebase=2**64 - 9, points=[point]))
+        self.assertEqual((points.tolist(), times.values.tolist()), ([[1, 2, 3]], [2**64 - 4]))
 
     def test_compressed_clouds(self):
         from rosbags.rosbag2.reader import zstd
@@ -480,6 +486,13 @@ class Bags(Folders):
                 writer.write(clouds, START * 10**9 + 1, bytes(300 << 20))
             with self.assertRaisesRegex(revisit.InputError, f'{mode}: .* expand to more than .* bomb'):
                 list(open_recording(path).scans())
+
+    def test_impossible_values_are_one_scan(self):
+        path = write_bag(self.folder, 'mcap', {'/points': [packed(cloud) for cloud in self.clouds]})
+        with mock.patch.dict(reader.READS, {CLOUD: lambda message: np.int64(2**64)}):
+            for scan in open_recording(path).scans():
+                with self.assertRaisesRegex(revisit.InputError, 'mcap: cannot be read as a bag: Python int'):
+                    scan.points()
 
     def test_a_pipe_instead_of_a_file_is_rejected(self):
         path = write_bag(self.folder, 'mcap', {'/points': [packed(self.clouds[0])]})

@@ -113,11 +113,7 @@ def files_of(path):
     """Returns the folder of a ROS 2 bag, or files: a ROS 1 recording may be split into several."""
     if path.is_file() or (path / 'metadata.yaml').is_file():
         return [path]
-    for ending in ENDINGS:
-        files = sorted(path.glob(f'*{ending}'))
-        if files:
-            return files
-    return []
+    return next((files for ending in ENDINGS if (files := sorted(path.glob(f'*{ending}')))), [])
 
 
 @contextlib.contextmanager
@@ -221,7 +217,8 @@ def decode(path, ros1, kind, data):
 
 
 def read(path, ros1, kind, data):
-    return READS[type_of(kind)](decode(path, ros1, kind, data))
+    with errors_of(path):  # one message with impossible values is one scan
+        return READS[type_of(kind)](decode(path, ros1, kind, data))
 
 
 def header_of(path, recorded, ros1, data):
