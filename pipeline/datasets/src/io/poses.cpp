@@ -1,5 +1,6 @@
 #include <Eigen/LU>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <iterator>
 #include <span>
@@ -139,7 +140,9 @@ Pose pose_of(const Eigen::Vector3d& t, const Eigen::Quaterniond& q) {
 }
 
 std::string milliseconds(double seconds) {
-  return exact(std::round(seconds * 1000) / 1000);
+  char text[400];  // also of the largest number
+  const double rounded = std::round(seconds * 1000) / 1000;
+  return {text, std::to_chars(text, std::end(text), rounded, std::chars_format::fixed).ptr};
 }
 
 }  // namespace
