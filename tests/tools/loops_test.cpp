@@ -171,6 +171,8 @@ TEST_F(Loops, LocateScansInTheWorldOfTheMap) {
     EXPECT_HAS(line, "\"pose\":{");
     EXPECT_HAS(line, "\"covariance\":[");
   }
+  write_file(path("none.bin"), "");
+  expect_exit(6, {"none.bin: empty file"}, "locate " + path("there.map") + " " + path("none.bin"));
   EXPECT_EQ(read_file(path("there.map")), before) << "nothing is written";
 }
 
