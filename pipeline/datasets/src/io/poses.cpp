@@ -12,7 +12,6 @@
 #include "revisit/datasets/dataset.h"
 
 namespace revisit {
-
 namespace {
 
 namespace fs = std::filesystem;

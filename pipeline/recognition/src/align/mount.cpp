@@ -11,7 +11,6 @@
 #include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
-
 namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
