@@ -1,7 +1,5 @@
 #include "read_binary.h"
 
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>

@@ -11,7 +11,6 @@ from revisit.errors import (  # noqa: E402
     Error, InputError, Interrupted, MemoryError, UnsupportedError, UsageError)
 
 __version__: str = getattr(_core, '__version__')  # which the stubs lack
-
 __all__ = [
     'Error', 'InputError', 'Interrupted', 'MemoryError', 'UnsupportedError', 'UsageError',
     '__version__', 'engine', 'errors', 'proto']

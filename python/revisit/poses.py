@@ -13,7 +13,6 @@ from revisit._core.datasets import read_extrinsic, read_trajectory
 from revisit.errors import InputError
 
 __all__ = ['AXES_OF_CAMERA', 'read_extrinsic', 'read_trajectory', 'rigid']
-
 AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
 """T_camera_lidar of a forward-looking camera, which converts its poses: T_world_camera @ AXES_OF_CAMERA is T_world_lidar."""
 

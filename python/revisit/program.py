@@ -12,7 +12,6 @@ from typing import Any
 from revisit import errors
 
 __all__ = ['loops', 'main', 'path', 'run']
-
 ERRORS = {kind.code: kind for kind in (errors.UsageError, errors.InputError, errors.UnsupportedError, errors.Interrupted)}
 
 

@@ -180,6 +180,9 @@ class PointCloud2(unittest.TestCase):
                 setattr(cloud, name, value)
             with self.assertRaisesRegex(revisit.InputError, says):
                 points_of(cloud)
+        twice = packed(self.points)
+        twice.fields.append(SimpleNamespace(name='x', offset=4, datatype=7, count=1))
+        np.testing.assert_array_equal(points_of(twice)[0], self.points)
         wrong('expected a field z', fields=packed(self.points).fields[:2])
         wrong('field y: .* found int32', fields=packed(self.points, types='fif').fields)
         wrong('ends at byte 12, beyond point_step 10', point_step=10)
@@ -230,6 +233,9 @@ class Bags(Folders):
                     np.testing.assert_array_equal(points[normal], cloud[normal])
                     self.assertTrue(np.isnan(points[~normal]).all())
                     np.testing.assert_allclose(times, np.arange(200) * 5e-4, atol=1e-6)
+        point = SimpleNamespace(x=1, y=2, z=3, tag=0, offset_time=5)
+        points, times = livox.points_of_custom(SimpleNamespace(point_num=1, timebase=2**64 - 9, points=[point]))
+        self.assertEqual((points.tolist(), times.values.tolist()), ([[1, 2, 3]], [2**64 - 4]))
 
     def test_compressed_clouds(self):
         from rosbags.rosbag2.reader import zstd
@@ -336,6 +342,13 @@ class Bags(Folders):
                            ('/front 1 0 0 0 0 0 0\n', 'poses.txt:1: expected'), ('front a b c d e f g\n', 'poses.txt:1: expected')):
             with self.subTest(text), self.assertRaisesRegex(revisit.Error, says):
                 open_recording(alone, topics='/front,/rear', extrinsics=self.put('poses.txt', text))
+        file = self.put('poses.txt', '\ufefffront 1 0 0.5 0 0 0 1\n/rear -1 0 0.5 0 0 2 0\n')
+        self.check(expected, path=alone, atol=1e-5, topics='/front, /rear', extrinsics=file)
+        for topics in ('/front,/front', '/front,/front@front', ','):
+            with self.subTest(topics), self.assertRaises(revisit.UsageError):
+                open_recording(alone, topics=topics, extrinsics=file)
+        with self.assertRaisesRegex(revisit.InputError, 'poses.txt:3: a second pose of /rear'):
+            open_recording(alone, topics='/front,/rear', extrinsics=self.put('poses.txt', file.read_text() + '/rear 0 0 0 0 0 0 1\n'))
 
     def test_merged_sensors_may_scan_at_other_rates(self):
         def merged(late, clouds, **more):
@@ -344,6 +357,11 @@ class Bags(Folders):
                                                         '/b': [placed(packed(cloud), 'b', late) for cloud in clouds]})
                 return [scan.read() for scan in open_recording(path, topics=['/a', '/b'], extrinsics=self.put(
                     'poses', 'a 0 0 0 0 0 0 1\nb 0 0 0 0 0 0 1\n')).scans()]
+        seldom = write_bag(self.folder, 'sqlite3', {'/a': [placed(packed(cloud), 'a') for cloud in self.clouds],
+                                                    '/b': [placed(packed(self.clouds[0]), 'b')]})
+        file = self.put('poses', 'a 0 0 0 0 0 0 1\nb 0 0 0 0 0 0 1\n')
+        self.assertRegex(open_recording(seldom, topics='/a,/b', extrinsics=file).warnings[0], '/b has 1 scans, /a 4')
+        self.assertEqual(open_recording(seldom, topics='/b,/a', extrinsics=file).warnings, [])
         zeros = self.clouds[3].copy()
         zeros[::2] = 0
         read = merged(0, [self.clouds[0], zeros])
@@ -469,6 +487,13 @@ class Bags(Folders):
             with self.assertRaisesRegex(revisit.InputError, f'{mode}: .* expand to more than .* bomb'):
                 list(open_recording(path).scans())
 
+    def test_impossible_values_are_one_scan(self):
+        path = write_bag(self.folder, 'mcap', {'/points': [packed(cloud) for cloud in self.clouds]})
+        with mock.patch.dict(reader.READS, {CLOUD: lambda message: np.int64(2**64)}):
+            for scan in open_recording(path).scans():
+                with self.assertRaisesRegex(revisit.InputError, 'mcap: cannot be read as a bag: Python int'):
+                    scan.points()
+
     def test_a_pipe_instead_of_a_file_is_rejected(self):
         path = write_bag(self.folder, 'mcap', {'/points': [packed(self.clouds[0])]})
         file, = path.glob('*.mcap')
@@ -554,9 +579,10 @@ class Layouts(Folders):
             np.savez(file, self.points[0])
         header = b"{'descr': (".ljust(117) + b'\n'  # truncated
         self.put('14.npy', b'\x93NUMPY\1\0' + struct.pack('<H', 118) + header)
+        np.save(self.folder / '15.npy', self.points[0][:, :3].T)
         scans = list(open_recording(self.folder).scans())
         for scan, says in zip(scans[3:], (r'12.npy: expected .* found float64 of shape \(5, 2\)', '13.npy: .* an archive',
-                                          '14.npy: cannot be read')):
+                                          '14.npy: cannot be read', '15.npy: .* a column for each point'), strict=True):
             with self.assertRaisesRegex(revisit.InputError, says):
                 scan.points()
 

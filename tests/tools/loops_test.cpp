@@ -171,6 +171,8 @@ TEST_F(Loops, LocateScansInTheWorldOfTheMap) {
     EXPECT_HAS(line, "\"pose\":{");
     EXPECT_HAS(line, "\"covariance\":[");
   }
+  write_file(path("none.bin"), "");
+  expect_exit(6, {"none.bin: empty file"}, "locate " + path("there.map") + " " + path("none.bin"));
   EXPECT_EQ(read_file(path("there.map")), before) << "nothing is written";
 }
 
@@ -216,6 +218,11 @@ TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
   run(build + path("way.map") + " --poses " + path("way.tum"));
   EXPECT_HAS(run("map info --entries " + path("way.map")), "506.300,-291.100,21.700");
   expect_exit(2, {"--from-cloud"}, "map build " + path("site.pcd") + " --map x.map --poses y");
+  write_file(path("utm.pcd"),
+             "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\n"
+             "DATA ascii\n500000 5400000 20\n");
+  expect_exit(3, {"beyond 131 km", "subtract an origin"},
+              "map build --from-cloud " + path("utm.pcd") + " --map x.map");
 }
 
 TEST_F(Loops, MapsKeepTheirDtype) {

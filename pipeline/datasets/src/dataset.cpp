@@ -6,7 +6,6 @@
 #include "revisit/base/error.h"
 
 namespace revisit {
-
 namespace {
 
 namespace fs = std::filesystem;

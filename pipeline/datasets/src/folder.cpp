@@ -12,7 +12,6 @@
 #include "revisit/datasets/scan_file.h"
 
 namespace revisit {
-
 namespace {
 
 namespace fs = std::filesystem;
@@ -22,9 +21,10 @@ bool naturally_less(const std::string& a, const std::string& b) {
   return ::strverscmp(a.c_str(), b.c_str()) < 0;
 }
 
+/// A link to nothing is one, too: its reader reports it, instead of a drive that lacks a scan.
 bool is_visible_file(const fs::path& file) {
   std::error_code ignored;
-  return !file.filename().string().starts_with(".") && fs::is_regular_file(file, ignored);
+  return !file.filename().string().starts_with(".") && !fs::is_directory(file, ignored);
 }
 
 bool is_scan(const fs::path& file) {

@@ -14,7 +14,6 @@ from .proto import caffe_pb2
 
 port_name = engine.port_name
 layer_types = engine.layer_types
-
 _allow_unknown = False
 
 

@@ -15,7 +15,6 @@ from revisit.recordings import bags, data_sets, folders, kitti_360, las, nuscene
 from revisit.recordings.recording import Reader, Recording, Scan, with_point_times
 
 __all__ = ['READERS', 'Reader', 'Recording', 'Scan', 'open_recording']
-
 READERS = [
     Reader('rosbag', bags.detects, bags.open_bag, takes_sequence=True),
     Reader('ouster', packets.detects_ouster, packets.open_ouster),

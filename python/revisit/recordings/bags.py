@@ -32,15 +32,12 @@ EXAMINED = 20
 """Messages whose frame_ids are known before the first scan is read."""
 CLOUDS = (*READS, *(name.replace('/msg/', '/') for name in READS))
 
-
 MAX_UNPACKED = 1 << 28
 """Decompressed size [bytes] that is always allowed; chunks have about a megabyte, clouds tens."""
 MAX_RATIO = 100
 """Allowed compression ratio beyond that. Scans have ratios of a few, zeros of a million."""
-
 MAGIC = {'bz2': rb'BZh', 'lz4': rb'(\x04"|[P-_]\*)M\x18', 'zstd': rb'\(\xb5/\xfd|[P-_]\*M\x18'}
 """Magic numbers of streams, including skippable frames of LZ4 and Zstandard."""
-
 PIECE = 1 << 14
 """Input per call of a decompressor [bytes], because unused input is copied."""
 
@@ -116,11 +113,7 @@ def files_of(path):
     """Returns the folder of a ROS 2 bag, or files: a ROS 1 recording may be split into several."""
     if path.is_file() or (path / 'metadata.yaml').is_file():
         return [path]
-    for ending in ENDINGS:
-        files = sorted(path.glob(f'*{ending}'))
-        if files:
-            return files
-    return []
+    return next((files for ending in ENDINGS if (files := sorted(path.glob(f'*{ending}')))), [])
 
 
 @contextlib.contextmanager
@@ -224,7 +217,8 @@ def decode(path, ros1, kind, data):
 
 
 def read(path, ros1, kind, data):
-    return READS[type_of(kind)](decode(path, ros1, kind, data))
+    with errors_of(path):  # one message with impossible values is one scan
+        return READS[type_of(kind)](decode(path, ros1, kind, data))
 
 
 def header_of(path, recorded, ros1, data):
@@ -309,9 +303,14 @@ def open_bag(path, topic) -> Recording:
 
 def open_merged(path, names, extrinsics, unit) -> Recording:
     """Merges topics (TOPIC or TOPIC@FRAME_ID). extrinsics: file of the sensors' poses; None: the bag's TF. unit: of the point times."""
-    topics = [open_topic(path, name) for name in names]
+    topics = [open_topic(path, name.strip()) for name in names]
+    if len({(topic.name.partition('@')[0], topic.frame_id) for topic in topics}) < len(topics):
+        raise UsageError(f'{path}: topics: expected different sensors, found {", ".join(names)}')
+    count = topics[0].count
+    rare = [f'{topic.name} has {topic.count} scans, {names[0]} {count}: most are without it; name the slowest sensor first'
+            for topic in topics if topic.count and count and 2 * topic.count < count]
     poses = poses_by_file(extrinsics, topics) if extrinsics else poses_by_tree(path, transforms(path), topics)
     timed = [with_point_times(Recording(topic.name, topic.count, topic.scans), unit) for topic in topics]
     topics = [topic._replace(scans=recording.scans) for topic, recording in zip(topics, timed)]
-    return Recording(path.stem, topics[0].count, lambda: merged(path, topics, poses),
+    return Recording(path.stem, count, lambda: merged(path, topics, poses), rare,
                      point_times='; '.join(f'{recording.name}: {recording.point_times}' for recording in timed))

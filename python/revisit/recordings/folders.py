@@ -49,9 +49,10 @@ def read_npy(file):
                                lambda name: points[name] if points[name].ndim == 1 and points[name].dtype.kind in 'iuf' else None)
     if points.dtype.names and {'x', 'y', 'z'} <= set(points.dtype.names) and points.ndim == 1:
         points = np.stack([points[axis] for axis in 'xyz'], -1)
-    if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind != 'f':
-        raise InputError(f'{file}: expected a floating-point array [n][3 or more], '
-                         f'found {points.dtype} of shape {points.shape}')
+    turned = points.ndim == 2 and len(points) in (3, 4) and points.shape[1] > 16  # as in arrays that programs give
+    if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind != 'f' or turned:
+        raise InputError(f'{file}: expected a floating-point array [n][3 or more], found {points.dtype} of shape {points.shape}'
+                         + ', which has a column for each point' * turned)
     return points[:, :3].astype(np.float32, copy=False), times
 
 

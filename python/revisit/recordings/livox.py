@@ -12,7 +12,6 @@ DEFINITIONS = {
             'livox_ros_driver2/CustomPoint[] points\n'}
 PACKAGES = ('livox_ros_driver2', 'livox_ros_driver', 'livox_interfaces')
 """Packages with this message. The definitions of all are the same."""
-
 CERTAIN_NOISE = 1
 """Bits 0 and 1 of a tag judge a point by its neighbors, bits 2 and 3 by its intensity: 0 normal, 1 noise of high confidence,
 2 of moderate, 3 of low (Livox's manuals, "tag information")."""
@@ -26,5 +25,5 @@ def points_of_custom(message):
     found = np.array([(point.x, point.y, point.z) for point in points], np.float32).reshape(-1, 3)
     tags = np.array([point.tag for point in points], np.uint8)
     found[((tags & 3) == CERTAIN_NOISE) | ((tags >> 2 & 3) == CERTAIN_NOISE)] = np.nan
-    offsets = np.array([point.offset_time for point in points], np.int64)
+    offsets = np.array([point.offset_time for point in points], np.uint64)
     return found, RecordedTimes('offset_time', message.timebase + offsets)

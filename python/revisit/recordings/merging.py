@@ -16,7 +16,7 @@ def read_extrinsics(file):
     """Returns name -> T_body_sensor of lines `NAME x y z qx qy qz qw`. Text after a # is ignored."""
     poses = {}
     try:
-        lines = Path(file).read_text(encoding='utf-8').splitlines()
+        lines = Path(file).read_text(encoding='utf-8-sig').splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f'{file}: cannot be read: {error}') from None
     for number, line in enumerate(lines, 1):
@@ -29,7 +29,9 @@ def read_extrinsics(file):
             values = np.empty(0)
         if len(values) != 7 or not are_rigid(pose := rigid(values[None, :3], values[None, 3:]))[0]:
             raise InputError(f'{file}:{number}: expected a topic or frame_id and its pose, NAME x y z qx qy qz qw, found {line[:80]!r}')
-        poses[words[0].lstrip('/')] = pose[0]
+        if (name := words[0].lstrip('/')) in poses:
+            raise InputError(f'{file}:{number}: a second pose of {words[0]}')
+        poses[name] = pose[0]
     return poses
 
 

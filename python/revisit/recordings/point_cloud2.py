@@ -11,7 +11,7 @@ TYPES = {1: 'int8', 2: 'uint8', 3: 'int16', 4: 'uint16', 5: 'int32', 6: 'uint32'
 
 def fields_of(message):
     """Returns offset [bytes] and dtype of x, y and z. Raises InputError if one is missing or not floating-point."""
-    by_name = {field.name: field for field in message.fields}
+    by_name = {field.name: field for field in reversed(message.fields)}  # the first of a name, as ROS
     found = []
     for axis in 'xyz':
         field = by_name.get(axis)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from revisit.datasets import POINT_TIME_NAMES, PointTimes
 from revisit.errors import Error, InputError
 
-
 SHOWN, READ = 20, 4
 """First scans whose stamps, and whose points, show the convention of times of points."""
 

@@ -215,6 +215,10 @@ TEST(PlainFolder, NumbersOfTheNamesOrTheirOrder) {
   EXPECT_EQ(dataset.name, "numbered");
   EXPECT_EQ(frames(dataset), (std::vector<int>{3, 7, 12}));
   EXPECT_FALSE(dataset.has_poses());
+  // A scan on a disk that is absent is not left out, so that its reader reports it.
+  fs::create_symlink(dir / "absent.bin", numbered / "8.bin");
+  fs::create_directory(numbered / "9.bin");
+  EXPECT_EQ(frames(open_dataset(numbered, "")), (std::vector<int>{3, 7, 8, 12}));
 
   const fs::path named = dir / "named";
   for (const char* const name : {"scan10.pcd", "scan9.pcd", "1403715273262142976.pcd"})

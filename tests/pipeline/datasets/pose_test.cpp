@@ -32,6 +32,17 @@ TEST(Poses, RowMajor3x4LineByLine) {
   }
 }
 
+TEST(TimedPoses, TimesInMessagesHaveAllDigits) {
+  ScanRef scan;
+  scan.time = 1.7e9;
+  const std::string text = complaint_about(
+      [&](const fs::path& file) {
+        poses_of(read_timed_poses(file), {&scan, 1}, 0.1);
+      },
+      "1700000400.5 0 0 0 0 0 0 1\n");
+  EXPECT_HAS(text, "from 1700000000 to 1700000000 s, the poses from 1700000400.5 to");
+}
+
 TEST(TextFiles, AByteOrderMarkIsNotPartOfTheFirstLine) {
   const TempDir dir;
   const std::string mark = "\xEF\xBB\xBF";

@@ -95,6 +95,9 @@ TEST(Mount, NamesTheMountOfATiltedView) {
             << half_width << " " << roof << " " << lidar.top;
   EXPECT_EQ(find_view_defect({}), "");
   EXPECT_EQ(find_view_defect({PointCloud{}}), "");
+  PointCloud few;
+  for (const float y : {0.F, 1.F}) few.points.push_back({20, y, 0, 0});
+  EXPECT_EQ(find_view_defect({few}), "") << "a few points do not show where the sensor is";
 }
 
 TEST(Mount, MessagesNameTheMountThatHelps) {

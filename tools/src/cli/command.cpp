@@ -16,7 +16,6 @@
 #include "revisit/base/error.h"
 
 namespace revisit::cli {
-
 namespace {
 
 constexpr size_t kColumns = 79, kHelpColumn = 29;

@@ -11,7 +11,6 @@
 #include "revisit/base/files.h"
 
 namespace revisit::cli {
-
 namespace {
 
 using google::protobuf::FieldDescriptor;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <iostream>
 #include <limits>
 #include <numeric>
@@ -17,7 +16,6 @@
 #include "revisit/proto/weights_file.h"
 
 namespace revisit::cli {
-
 namespace {
 
 Mean read_mean(const std::filesystem::path& file) {

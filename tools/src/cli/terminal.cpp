@@ -21,7 +21,6 @@
 #include "revisit/base/error.h"
 
 namespace revisit::cli {
-
 namespace {
 
 bool looks_numeric(const std::string& cell) {

@@ -12,7 +12,6 @@
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {
-
 namespace {
 
 namespace fs = std::filesystem;

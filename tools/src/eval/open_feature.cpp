@@ -254,8 +254,9 @@ std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset,
       options.feature == "ring" && has(sensor_names()) && !has(shipped_ring_models());
   if (!sees_image || !(options.image.is_auto() || nearest)) return "";
   const std::vector<PointCloud> scans = mounted_scans(options, dataset);
-  if (scans.empty()) return "";
-  if (options.feature != "ring") return options.image.resolve(scans);
+  const bool is_ring = options.feature == "ring";
+  if (scans.empty() && !(is_ring && !shipped_ring_sensor(map_key).empty())) return "";
+  if (!is_ring) return options.image.resolve(scans);
   const auto [sensor, reason] = choose_ring_model(
       scans, map_key, options.weights.empty() ? "" : models::file_sha1(options.weights));
   options.image.sensor = sensor;
@@ -264,7 +265,7 @@ std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset,
 
 void warn_of_view(const FeatureOptions& options, const Dataset& dataset) {
   const std::string misfit = find_view_defect(mounted_scans(options, dataset));
-  if (!misfit.empty()) warn(str(dataset.name, ": ", misfit));
+  if (!misfit.empty()) warn(str(dataset.name, dataset.name.empty() ? "" : ": ", misfit));
 }
 
 std::string sensor_of(const Dataset& dataset) {

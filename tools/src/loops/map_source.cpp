@@ -12,7 +12,6 @@
 #include "revisit/recognition/feature_file.h"
 
 namespace revisit::cli {
-
 namespace {
 
 namespace fs = std::filesystem;

@@ -17,7 +17,6 @@
 #include "revisit/datasets/scan_file.h"
 
 namespace revisit::cli {
-
 namespace {
 
 namespace fs = std::filesystem;

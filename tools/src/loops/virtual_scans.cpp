@@ -1,13 +1,11 @@
 #include "loops/virtual_scans.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
 #include <numbers>
-#include <optional>
 #include <utility>
 
 #include "cli/terminal.h"
@@ -36,26 +34,45 @@ struct Site {
   std::vector<Eigen::Vector3f> points;
 };
 
-void add(const PointCloud& cloud, const Pose& T_world_cloud, VoxelMeans& voxels) {
-  for (const Point& p : cloud.points) voxels.add(T_world_cloud * Eigen::Vector3d(p.x, p.y, p.z));
+void stop_if_interrupted() {
+  if (interrupted()) throw Interrupted("interrupted while reading the cloud");
+}
+
+void add(const PointCloud& cloud, const Pose& T_world_cloud, Progress& progress,
+         VoxelMeans& voxels) {
+  constexpr int64_t kPiece = 1 << 16;
+  for (int64_t done = 0; const Point& p : cloud.points) {
+    voxels.add(T_world_cloud * Eigen::Vector3d(p.x, p.y, p.z));
+    if (++done % kPiece != 0) continue;
+    stop_if_interrupted();
+    progress.update(done, std::ssize(cloud.points));
+  }
 }
 
 Site read_site(const FeatureOptions& options) {
   VoxelMeans voxels(kVoxel);
   PointCloud cloud;
   const std::string extension = options.data.extension().string();
-  if (extension == ".las" || extension == ".laz") {
+  const bool is_las = extension == ".las" || extension == ".laz";
+  Progress progress("averaging", "points", !options.quiet && !is_las);
+  if (is_las) {
     FeatureOptions all = options;
     all.every = 1;
     for (const ScanStream next = read_recording(all).next; auto part = next();) {
       part->read(cloud);
-      add(cloud, part->pose.value_or(Pose::Identity()), voxels);
+      add(cloud, part->pose.value_or(Pose::Identity()), progress, voxels);
     }
   } else {
     read_scan_into(options.data, cloud);
-    add(cloud, Pose::Identity(), voxels);
+    add(cloud, Pose::Identity(), progress, voxels);
   }
   if (!voxels.origin()) throw InputError(options.data.string(), ": there are no points");
+  constexpr double kFar = 1 << 17;  // where float32 has steps of 16 mm [m]
+  if (!is_las && voxels.origin()->cwiseAbs().maxCoeff() > kFar)
+    warn(str(options.data.string(),
+             ": coordinates beyond 131 km are rounded to centimeters or "
+             "more; subtract an origin, or write a .las file"));
+  stop_if_interrupted();
   Site site{.origin = *voxels.origin(), .points = {}};
   std::vector<int64_t> counts;
   for (const Eigen::Vector3d& point : voxels.points(&counts))
@@ -177,6 +194,7 @@ std::vector<Pose> poses_along(const fs::path& trajectory) {
 
 Dataset virtual_scans(const FeatureOptions& options, const fs::path& trajectory) {
   const Site site = read_site(options);
+  stop_if_interrupted();
   const std::vector<Pose> poses = trajectory.empty() ? poses_on(site) : poses_along(trajectory);
   if (poses.empty())
     throw InputError(options.data.string(),

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <vector>
 
 #include "eval/feature_options.h"
 #include "revisit/datasets/dataset.h"

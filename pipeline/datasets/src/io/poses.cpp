@@ -1,5 +1,6 @@
 #include <Eigen/LU>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <iterator>
 #include <span>
@@ -11,7 +12,6 @@
 #include "revisit/datasets/dataset.h"
 
 namespace revisit {
-
 namespace {
 
 namespace fs = std::filesystem;
@@ -139,7 +139,9 @@ Pose pose_of(const Eigen::Vector3d& t, const Eigen::Quaterniond& q) {
 }
 
 std::string milliseconds(double seconds) {
-  return exact(std::round(seconds * 1000) / 1000);
+  char text[400];  // also of the largest number
+  const double rounded = std::round(seconds * 1000) / 1000;
+  return {text, std::to_chars(text, std::end(text), rounded, std::chars_format::fixed).ptr};
 }
 
 }  // namespace

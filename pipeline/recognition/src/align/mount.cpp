@@ -11,7 +11,6 @@
 #include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
-
 namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
@@ -94,7 +93,7 @@ bool is_seen_from_afar(const PointCloud& scan) {
     const double azimuth = std::atan2(double{p.y}, double{p.x}) + std::numbers::pi;
     ++sectors[std::min<size_t>(static_cast<size_t>(azimuth / kSector), sectors.size() - 1)];
   }
-  if (ranges.empty()) return false;
+  if (ranges.size() < 100) return false;  // too few to show sides
   const auto nearest = ranges.begin() + std::ssize(ranges) / 50;
   std::ranges::nth_element(ranges, nearest);
   const auto fewest = std::ssize(ranges) / 200;

@@ -8,7 +8,6 @@
 #include "revisit/base/error.h"
 
 namespace revisit {
-
 namespace {
 
 double fraction_correct(const CalibrationBlock& block) {

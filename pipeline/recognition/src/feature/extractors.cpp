@@ -6,7 +6,6 @@
 #include "revisit/recognition/feature.h"
 
 namespace revisit {
-
 namespace {
 
 engine::Port image_input(const engine::Net& net, int height, int width) {

@@ -7,7 +7,6 @@
 #include "revisit/base/text.h"
 
 namespace revisit {
-
 namespace {
 
 // Names in the order of Score.

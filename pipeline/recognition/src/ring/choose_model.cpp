@@ -144,8 +144,9 @@ std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans
 std::pair<std::string, std::string> choose_ring_model(const std::vector<PointCloud>& scans,
                                                       const std::string& made_by,
                                                       const std::string& weights_sha1) {
-  auto [sensor, reason] = nearest(scans, weights_sha1);
   const std::string of_map = shipped_ring_sensor(made_by);
+  if (scans.empty() && !of_map.empty()) return {of_map, "of the map"};
+  auto [sensor, reason] = nearest(scans, weights_sha1);
   if (of_map.empty() || of_map == sensor) return {std::move(sensor), std::move(reason)};
   return {of_map, str("of the map; the nearest to the scans is ", sensor, ": ", reason)};
 }
