@@ -122,45 +122,42 @@ constexpr float empty_maximum(Precision values) {
   return values == Precision::kFloat32 ? -FLT_MAX : -0x1.FEp127F;
 }
 
-/// 2-D pooling of `planes` independent images `[h][w]` to `[out_h][out_w]`.
+/// Pooling of `planes` independent images `[h][w]` to `[out_h][out_w]`, or of volumes
+/// `[depth][h][w]`.
 struct PoolingProblem {
   int64_t planes = 1, h = 1, w = 1, out_h = 1, out_w = 1;
   int64_t kernel_h = 1, kernel_w = 1, stride_h = 1, stride_w = 1, pad_h = 0, pad_w = 0;
   int64_t end_surplus_h = 0, end_surplus_w = 0;  // trailing pad - pad
+  WindowAxis depth = {};                         // one pixel: of images
   bool counts_padding = true;                    // as zeros of an average
   int threads = 1;
   Precision values = Precision::kFloat32;  // NCHWc arrays; determines empty_maximum()
 
   WindowRange rows(int64_t y) const { return {y * stride_h - pad_h, kernel_h, h}; }
   WindowRange columns(int64_t x) const { return {x * stride_w - pad_w, kernel_w, w}; }
-  /// Size of the averaged area of a window, clipped to the image, padded if padding counts.
+  WindowRange depths(int64_t z) const {
+    return {z * depth.stride - depth.pad, depth.kernel, depth.image};
+  }
+  /// Size of the averaged part of a window, clipped to the image, padded if padding counts.
   int64_t height(const WindowRange& rows) const {
-    if (!counts_padding) return rows.pixels();
-    return std::min(rows.start + kernel_h, h + pad_h + end_surplus_h) - rows.start;
+    return averaged(rows, kernel_h, h + pad_h + end_surplus_h);
   }
   int64_t width(const WindowRange& columns) const {
-    if (!counts_padding) return columns.pixels();
-    return std::min(columns.start + kernel_w, w + pad_w + end_surplus_w) - columns.start;
+    return averaged(columns, kernel_w, w + pad_w + end_surplus_w);
+  }
+  int64_t averaged(const WindowRange& range, int64_t kernel, int64_t padded_end) const {
+    return counts_padding ? std::min(range.start + kernel, padded_end) - range.start
+                          : range.pixels();
   }
 };
 
 /// Maximum of each window, clipped to the image; empty_maximum() if it is empty. NaN is ignored.
-/// `mask`, if not null, receives the index h * w of the maximum as float, -1 for none
-/// (docs/reference/LAYERS.md point 2).
+/// `mask`, if not null, receives the index of the maximum in its image or volume as float, -1 for
+/// none (docs/reference/LAYERS.md point 2).
 void max_pool(const PoolingProblem& problem, const float* input, float* output, float* mask);
 
 /// Mean of each window: padding counts as zeros if counts_padding, the area beyond it does not.
 void average_pool(const PoolingProblem& problem, const float* input, float* output);
-
-/// Pooling of `planes` independent volumes `[depth][h][w]`, with the same rules.
-struct VolumePooling {
-  int64_t planes = 1;
-  WindowAxes axes;
-  int threads = 1;
-  bool counts_padding = true;
-};
-void max_pool_volumes(const VolumePooling& problem, const float* input, float* output, float* mask);
-void average_pool_volumes(const VolumePooling& problem, const float* input, float* output);
 
 /// A recurrent layer over `steps` time steps of `streams` independent sequences: input
 /// `[steps][streams][input]`, output `[steps][streams][output]`. The state of stream n before step

@@ -51,17 +51,18 @@ WindowAxes PoolingWindow::axes(const Shape& input) const {
 }
 
 PoolingProblem PoolingWindow::problem(const Shape& input) const {
-  expect_image(input, "pooling");
   const WindowAxes of = axes(input);
+  const WindowAxis &h = of[of.size() - 2], &w = of.back();
   PoolingProblem p;
   p.planes = input[0] * input[1];
-  p.h = of[0].image, p.w = of[1].image;
-  p.out_h = of[0].windows, p.out_w = of[1].windows;
-  p.kernel_h = of[0].kernel, p.kernel_w = of[1].kernel;
-  p.stride_h = of[0].stride, p.stride_w = of[1].stride;
-  p.pad_h = of[0].pad, p.pad_w = of[1].pad;
-  p.end_surplus_h = of[0].end_surplus, p.end_surplus_w = of[1].end_surplus;
-  p.counts_padding = counts_padding();
+  if (of.size() == 3) p.depth = of[0];
+  p.h = h.image, p.w = w.image;
+  p.out_h = h.windows, p.out_w = w.windows;
+  p.kernel_h = h.kernel, p.kernel_w = w.kernel;
+  p.stride_h = h.stride, p.stride_w = w.stride;
+  p.pad_h = h.pad, p.pad_w = w.pad;
+  p.end_surplus_h = h.end_surplus, p.end_surplus_w = w.end_surplus;
+  p.counts_padding = param_.pool() != caffe::PoolingParameter::AVE_EXC_PAD;
   return p;
 }
 
@@ -156,35 +157,22 @@ class Pooling : public Layer {
   }
 
   Kernel bind(const Binding& binding) const override {
-    if (binding.inputs[0].rank() != 4) return bind_volumes(binding);
     PoolingProblem problem = window_.problem(binding.inputs[0]);
+    const bool is_image = binding.inputs[0].rank() == 4;
+    const char* const volumes = is_image ? "" : "-volumes";
     problem.threads = binding.threads;
-    problem.values = binding.precision;
+    if (is_image) problem.values = binding.precision;
     if (!window_.is_max())
-      return {"average-pool", [problem](const Call& call) {
+      return {str("average-pool", volumes), [problem](const Call& call) {
                 average_pool(problem, call.inputs[0], call.outputs[0]);
               }};
-    return {"max-pool", [problem](const Call& call) {
+    return {str("max-pool", volumes), [problem](const Call& call) {
               max_pool(problem, call.inputs[0], call.outputs[0],
                        call.outputs.size() > 1 ? call.outputs[1] : nullptr);
             }};
   }
 
  private:
-  Kernel bind_volumes(const Binding& binding) const {
-    const Shape& input = binding.inputs[0];
-    const VolumePooling problem{input[0] * input[1], window_.axes(input), binding.threads,
-                                window_.counts_padding()};
-    return {window_.is_max() ? "max-pool-volumes" : "average-pool-volumes",
-            [problem, is_max = window_.is_max()](const Call& call) {
-              if (is_max)
-                max_pool_volumes(problem, call.inputs[0], call.outputs[0],
-                                 call.outputs.size() > 1 ? call.outputs[1] : nullptr);
-              else
-                average_pool_volumes(problem, call.inputs[0], call.outputs[0]);
-            }};
-  }
-
   PoolingWindow window_;
 };
 

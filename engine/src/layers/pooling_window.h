@@ -13,13 +13,12 @@ class PoolingWindow {
   explicit PoolingWindow(const caffe::PoolingParameter& param);
 
   bool is_max() const { return param_.pool() == caffe::PoolingParameter::MAX; }
-  bool counts_padding() const { return param_.pool() != caffe::PoolingParameter::AVE_EXC_PAD; }
 
   /// Windows along the spatial axes of an input `[n][c][h][w]` or `[n][c][depth][h][w]`. Throws
   /// InputError if the input has other axes or the output would be empty.
   WindowAxes axes(const Shape& input) const;
 
-  /// Returns the single-threaded problem for an input `[n][c][h][w]`. Throws as axes().
+  /// Returns the single-threaded problem for an input. Throws as axes().
   PoolingProblem problem(const Shape& input) const;
 
   /// Windows along the last two axes; nullopt if global.
