@@ -42,14 +42,11 @@ class Fuser {
   }
 
   bool merge(const Operation& operation) {
-    const Form& form = operation.form;
-    if (const auto* affine = std::get_if<ChannelAffine>(&form)) return take(operation, *affine);
-    if (const auto* activation = std::get_if<Activating>(&form))
-      return take(operation, *activation);
-    if (const auto* combining = std::get_if<Combining>(&form)) return take(operation, *combining);
-    if (const auto* pooling = std::get_if<PoolingProblem>(&form)) return take(operation, *pooling);
-    return false;
+    return std::visit([&](const auto& form) { return take(operation, form); }, operation.form);
   }
+
+  /// Merges the operation into the maker of its input, if it is of a form that allows this.
+  bool take(const Operation& /*operation*/, const auto& /*form*/) { return false; }
 
   Operation* only_maker(ValueId id) {
     if (readers_[id] != 1 || maker_[id] == kNone) return nullptr;

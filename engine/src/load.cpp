@@ -140,22 +140,17 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     throw InputError(net->file, ": none of its layers writes a blob, so there is nothing to run");
   for (Node& node : net->graph.nodes) {
     const auto [begin, end] = unread_by_layer.equal_range(node.index);
-    try {
-      // An unsupported type is reported first, because its parameters are unknown, too.
-      if (begin != end && !node.param.type().empty()) check_type(node.param);
-    } catch (const Error&) {
-      rethrow_at(net->file, node);
-    }
+    // An unsupported type is reported first, because its parameters are unknown, too.
+    if (begin != end && !node.param.type().empty())
+      at_layer(net->file, node, [&] { check_type(node.param); });
     for (auto part = begin; part != end; ++part) {
       if (part->second->is_error) throw InputError(part->second->what);
       net->warnings.emplace_back(part->second->what.what());
     }
-    try {
+    at_layer(net->file, node, [&] {
       if (!node.layer) node.layer = make_layer(node.param);
       if (node.layer) check_in_place(net->graph, node);
-    } catch (const Error&) {
-      rethrow_at(net->file, node);
-    }
+    });
     if (const std::string how = ambiguity_of(node.param); !how.empty())
       net->warnings.push_back(
           str(net->file, ": layer '", node.name, "' (", node.param.type(), ") is computed ", how));
@@ -169,13 +164,11 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
         net->inputs.push_back({net->graph.values[id].blob, shapes[id]});
       continue;
     }
-    try {
+    at_layer(net->file, node, [&] {
       for (Shape& shape : node.layer->weight_shapes(shapes_of(node.inputs, shapes)))
         node.weights->push_back({std::move(shape), {}});
       check_param_count(node);
-    } catch (const Error&) {
-      rethrow_at(net->file, node);
-    }
+    });
   }
   check_graft(*net, options.graft);
   check_sharing(*net);

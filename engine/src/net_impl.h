@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
@@ -62,8 +63,8 @@ struct Net::Impl {
 /// Input layers by blob name. Throws InputError with the layer.
 std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string, Shape>& inputs);
 
-/// Rethrows the current exception with file and layer in front of its message.
-[[noreturn]] void rethrow_at(const std::string& file, const Node& node);
+/// Does `work`; its InputError or UnsupportedError gets file and layer in front of its message.
+void at_layer(const std::string& file, const Node& node, const std::function<void()>& work);
 
 std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes);
 

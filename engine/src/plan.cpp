@@ -19,16 +19,14 @@ std::vector<Shape> shapes_for(const Net::Impl& net, const std::map<std::string, 
 void check_weight_shapes(const Net::Impl& net, const std::vector<Shape>& shapes) {
   for (const Node& node : net.graph.nodes) {
     if (!node.layer) continue;
-    try {
+    at_layer(net.file, node, [&] {
       const std::vector<Shape> wanted = node.layer->weight_shapes(shapes_of(node.inputs, shapes));
       for (size_t i = 0; i < wanted.size(); ++i)
         if (wanted[i] != (*node.weights)[i].shape)
           throw InputError("with these input shapes weight blob ", i, " needs shape ", wanted[i],
                            ", but it has ", (*node.weights)[i].shape,
                            "; choose another input shape or end the net before this layer");
-    } catch (const Error&) {
-      rethrow_at(net.file, node);
-    }
+    });
   }
 }
 

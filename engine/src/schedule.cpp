@@ -226,13 +226,8 @@ class Scheduler {
               !options_.reference_kernels)
             require(id, Layout::kNChw16c, i);
         }
-    for (const Operation& operation : operations_.list) {
-      try {
-        add(operation);
-      } catch (const Error&) {
-        rethrow_at(net_.file, net_.graph.nodes[operation.node]);
-      }
-    }
+    for (const Operation& operation : operations_.list)
+      at_layer(net_.file, net_.graph.nodes[operation.node], [&] { add(operation); });
     return std::move(result_);
   }
 

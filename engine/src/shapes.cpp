@@ -100,22 +100,24 @@ std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<
   return result;
 }
 
-void rethrow_at(const std::string& file, const Node& node) {
-  const std::string place = str(file, ": layer '", node.name, "' (", node.param.type(), "): ");
+void at_layer(const std::string& file, const Node& node, const std::function<void()>& work) {
+  const auto place = [&] {
+    return str(file, ": layer '", node.name, "' (", node.param.type(), "): ");
+  };
   try {
-    throw;
+    work();
   } catch (const UnsupportedError& error) {
-    throw UnsupportedError(place, error);
+    throw UnsupportedError(place(), error);
   } catch (const InputError& error) {
-    throw InputError(place, error);
+    throw InputError(place(), error);
   }
 }
 
 std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string, Shape>& inputs) {
   std::vector<Shape> shapes(net.graph.values.size());
   std::vector<std::string> input_names;
-  for (const Node& node : net.graph.nodes) {
-    try {
+  for (const Node& node : net.graph.nodes)
+    at_layer(net.file, node, [&] {
       if (!node.layer) {
         expect_count(node.inputs.size(), 0, "bottoms");
         for (size_t port = 0; port < node.outputs.size(); ++port) {
@@ -125,17 +127,14 @@ std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string
               given != inputs.end() ? given->second : input_shape(node, port);
           input_names.push_back(blob);
         }
-        continue;
+        return;
       }
       const std::vector<Shape> outputs =
           node.layer->infer(shapes_of(node.inputs, shapes), node.outputs.size());
       expect_count(node.outputs.size(), outputs.size(), "outputs");
       for (size_t port = 0; port < outputs.size(); ++port)
         shapes[node.outputs[port]] = outputs[port];
-    } catch (const Error&) {
-      rethrow_at(net.file, node);
-    }
-  }
+    });
   for (const auto& [blob, shape] : inputs)
     if (std::find(input_names.begin(), input_names.end(), blob) == input_names.end())
       throw UsageError(net.file, ": the (possibly truncated) net has no input '", blob, "'",
@@ -150,7 +149,7 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
     const Node& node = net.graph.nodes[i];
     if (!node.layer) continue;
     const Layer& layer = *node.layer;
-    try {
+    at_layer(net.file, node, [&] {
       std::vector<Shape> inputs;
       Rows rows;
       for (const ValueId id : node.inputs) {
@@ -173,9 +172,7 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
         else if (first != rows.end())
           output = through_layer(layer, node.outputs.size(), port, inputs, rows, (*first)->layer);
       }
-    } catch (const Error&) {
-      rethrow_at(net.file, node);
-    }
+    });
   }
   return result;
 }

@@ -183,15 +183,8 @@ float field_overlap(const FieldProblem& p, const FieldBox& better, const FieldBo
   const float end = p.grouped ? 1 : 0;
   const float both = apart ? 0 : (x2 - x1 + end) * (y2 - y1 + end);
   const float area = better.w * better.h, other_area = other.w * other.h;
-  switch (p.overlap_of) {
-    case OverlapOf::kSmaller:
-      return both / std::min(area, other_area);
-    case OverlapOf::kBetter:
-      return both / area;
-    case OverlapOf::kUnion:
-      break;
-  }
-  return both / (area + other_area - both);
+  if (p.overlap_of == OverlapOf::kSmaller) return both / std::min(area, other_area);
+  return both / (p.overlap_of == OverlapOf::kBetter ? area : area + other_area - both);
 }
 
 struct FieldInput {
