@@ -12,80 +12,39 @@
 namespace revisit {
 namespace {
 
-// make_tasks() sets name and definition. A task throws UsageError if the sequence has no such task.
+// Functions of the table below add the stored scans and the queries of a task, which has all else.
+// They throw UsageError if the sequence has no such task.
 
-constexpr int kLcdnetFirstFrame = 100;
-constexpr int kSscNegativesPerPositive = 100;
-
-Task against_earlier(const Trajectory& trajectory, const Exclusion& exclusion,
-                     int first_frame = 0) {
-  Task task;
-  task.rule.distance = trajectory.horizontal;
-  task.population = "each scan against all earlier ones beyond the exclusion";
-  task.exclusion = exclusion;
+void add_earlier(Task& task, const Trajectory& trajectory, const Exclusion& exclusion,
+                 int first_frame = 0) {
   task.stored.resize(trajectory.frames.size());
   std::iota(task.stored.begin(), task.stored.end(), int64_t{0});
   const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
   for (int64_t i = 0; i < trajectory.size(); ++i)
     if (ends[i] > 0 && trajectory.frames[i] >= first_frame)
       task.queries.push_back({i, {CandidateRange{0, ends[i]}, {}}});
-  return task;
 }
 
-Task online_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
-  return against_earlier(trajectory, exclusion);
+template <int first_frame>
+void earlier_scans(Task& task, const std::string&, const Trajectory& trajectory) {
+  add_earlier(task, trajectory, task.exclusion, first_frame);
 }
 
-Task leave_one_out_task(const std::string&, const Trajectory& trajectory,
-                        const Exclusion& exclusion) {
-  Task task = against_earlier(trajectory, exclusion);
-  task.population = "each scan against all others, earlier and later, beyond the exclusion";
+/// For negative pairs that may lie within the exclusion.
+void all_earlier_scans(Task& task, const std::string&, const Trajectory& trajectory) {
+  add_earlier(task, trajectory, {Exclusion::Kind::kNone, 0});
+}
+
+void all_other_scans(Task& task, const std::string&, const Trajectory& trajectory) {
+  add_earlier(task, trajectory, task.exclusion);
   task.queries.clear();
-  const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
-  const std::vector<int64_t> begins = later_candidates(trajectory, exclusion);
+  const std::vector<int64_t> ends = earlier_candidates(trajectory, task.exclusion);
+  const std::vector<int64_t> begins = later_candidates(trajectory, task.exclusion);
   for (int64_t i = 0; i < trajectory.size(); ++i) {
     const TaskQuery query{
         i, {CandidateRange{0, ends[i]}, CandidateRange{begins[i], trajectory.size()}}};
     if (query.n_candidates() > 0) task.queries.push_back(query);
   }
-  return task;
-}
-
-Task lcdnet1_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
-  Task task = against_earlier(trajectory, exclusion, kLcdnetFirstFrame);
-  task.rule = {trajectory.horizontal, 4};
-  task.rejected_only = true;
-  task.margin_score = false;
-  return task;
-}
-
-Task lcdnet2_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
-  Task task = against_earlier(trajectory, exclusion, kLcdnetFirstFrame);
-  task.population = "pairs of each scan with all earlier ones beyond the exclusion";
-  task.rule = {trajectory.horizontal, 4};
-  task.decides_on_pairs = true;
-  task.margin_score = false;
-  return task;
-}
-
-Task ssc_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
-  // Negative pairs may lie within the exclusion, so all earlier scans are candidates.
-  Task task = against_earlier(trajectory, {Exclusion::Kind::kNone, 0});
-  task.exclusion = exclusion;
-  task.population = "all near pairs beyond the exclusion, and far ones drawn at random";
-  task.rule = {trajectory.horizontal, 3, 20};
-  task.decides_on_pairs = true;
-  task.margin_score = false;
-  task.negatives_per_positive = kSscNegativesPerPositive;
-  return task;
-}
-
-Task logg3d_task(const std::string&, const Trajectory& trajectory, const Exclusion& exclusion) {
-  Task task = against_earlier(trajectory, exclusion);
-  task.rule = {trajectory.horizontal, 3, 20};
-  task.rejected_only = true;
-  task.margin_score = false;
-  return task;
 }
 
 struct Drive {
@@ -110,15 +69,13 @@ void need_official_drive(const std::string& protocol, const std::string& sequenc
 
 using Chosen = std::function<bool(int64_t row)>;
 
-Task map_task(const Trajectory& trajectory, const Chosen& is_stored, const Chosen& is_query) {
-  Task task;
-  task.rule.distance = trajectory.horizontal;
+void add_map(Task& task, const Trajectory& trajectory, const Chosen& is_stored,
+             const Chosen& is_query) {
   for (int64_t row = 0; row < trajectory.size(); ++row)
     if (is_stored(row)) task.stored.push_back(row);
   const CandidateRange all{0, static_cast<int64_t>(task.stored.size())};
   for (int64_t row = 0; row < trajectory.size(); ++row)
     if (all.size() > 0 && is_query(row)) task.queries.push_back({row, {all, {}}});
-  return task;
 }
 
 /// Table 1 of the paper: stored scans, 1-based and inclusive as printed there.
@@ -140,44 +97,40 @@ const StoredScans* table_entry(const std::string& sequence) {
   return nullptr;
 }
 
-Task split(const Trajectory& trajectory, const Chosen& is_stored) {
-  Task task = map_task(trajectory, is_stored, std::not_fn(is_stored));
-  task.rule = {Distance::kBox, 3};
-  return task;
-}
-
-Task every_nth_stored(int step, const Trajectory& trajectory) {
-  Task task = split(trajectory, [step](int64_t row) { return row % step == 0; });
+template <int step>
+void every_nth_stored(Task& task, const std::string&, const Trajectory& trajectory) {
+  const auto is_stored = [](int64_t row) { return row % step == 0; };
+  add_map(task, trajectory, is_stored, std::not_fn(is_stored));
   task.population = str("every ", step, step == 3 ? "rd" : "th",
                         " scan of those there are is stored, all others are queries");
-  return task;
 }
 
-Task table_task(const StoredScans& entry, const Trajectory& trajectory) {
-  Task task = split(trajectory, [&](int64_t row) {
+const StoredScans& need_entry(const Task& task, const std::string& sequence,
+                              const Trajectory& trajectory) {
+  const StoredScans* entry = table_entry(sequence);
+  if (entry && (!task.both_cases || entry->bidirectional)) {
+    need_official_drive(task.name, sequence, trajectory);
+    return *entry;
+  }
+  throw UsageError("protocol ", task.name, ": the paper has no such task for sequence '", sequence,
+                   "', only for ", task.both_cases ? "08" : "00, 05, 06 and 08",
+                   "; paper-easy, online and leave-one-out work for any");
+}
+
+void table_stored(Task& task, const std::string& sequence, const Trajectory& trajectory) {
+  const StoredScans& entry = need_entry(task, sequence, trajectory);
+  const auto is_stored = [&](int64_t row) {
     const int frame = trajectory.frames[static_cast<size_t>(row)];
     return std::any_of(entry.ranges.begin(), entry.ranges.end(), [&](const auto& range) {
       return range[1] && frame + 1 >= range[0] && frame + 1 <= range[1];
     });
-  });
+  };
+  add_map(task, trajectory, is_stored, std::not_fn(is_stored));
   task.population = "stored: scans ";
   for (size_t i = 0; i < entry.ranges.size(); ++i)
     if (entry.ranges[i][1])
       task.population += str(i ? ", " : "", entry.ranges[i][0], "-", entry.ranges[i][1]);
   task.population += " (1-based); all others are queries";
-  return task;
-}
-
-const StoredScans& need_entry(const std::string& protocol, const std::string& sequence,
-                              const Trajectory& trajectory, bool bidirectional) {
-  const StoredScans* entry = table_entry(sequence);
-  if (entry && (!bidirectional || entry->bidirectional)) {
-    need_official_drive(protocol, sequence, trajectory);
-    return *entry;
-  }
-  throw UsageError("protocol ", protocol, ": the paper has no such task for sequence '", sequence,
-                   "', only for ", bidirectional ? "08" : "00, 05, 06 and 08",
-                   "; paper-easy, online and leave-one-out work for any");
 }
 
 /// Half-open frame ranges of BEVPlace (00, 02, 05, 06) and BEVPlace++ (08), with a gap between.
@@ -199,30 +152,7 @@ const Ranges& ranges_of(const std::string& sequence) {
       sequence, "'; online and leave-one-out work for any");
 }
 
-Task paper_easy_task(const std::string&, const Trajectory& trajectory, const Exclusion&) {
-  return every_nth_stored(3, trajectory);
-}
-
-Task paper_median_task(const std::string& sequence, const Trajectory& trajectory,
-                       const Exclusion&) {
-  return table_task(need_entry("paper-median", sequence, trajectory, false), trajectory);
-}
-
-Task paper_difficult_task(const std::string& sequence, const Trajectory& trajectory,
-                          const Exclusion&) {
-  Task task = table_task(need_entry("paper-difficult", sequence, trajectory, true), trajectory);
-  task.both_cases = true;
-  return task;
-}
-
-template <int step>
-Task places_task(const std::string&, const Trajectory& trajectory, const Exclusion&) {
-  Task task = every_nth_stored(step, trajectory);
-  task.rule = {Distance::kPlace, 1};  // any radius: the distance is 0 or infinite
-  return task;
-}
-
-Task bevplace_task(const std::string& sequence, const Trajectory& trajectory, const Exclusion&) {
+void bevplace_scans(Task& task, const std::string& sequence, const Trajectory& trajectory) {
   const Ranges& r = ranges_of(sequence);
   need_official_drive("bevplace", sequence, trajectory);
   const auto within = [&](int begin, int end) {
@@ -231,24 +161,23 @@ Task bevplace_task(const std::string& sequence, const Trajectory& trajectory, co
       return frame >= begin && frame < end;
     };
   };
-  Task task = map_task(trajectory, within(0, r.database_end), within(r.query_begin, r.query_end));
+  add_map(task, trajectory, within(0, r.database_end), within(r.query_begin, r.query_end));
   task.population = str("stored: frames 0-", r.database_end - 1, "; queries: frames ",
                         r.query_begin, "-", r.query_end - 1);
-  task.rule = {trajectory.horizontal, 5};
-  task.margin_score = false;
-  return task;
 }
 
 constexpr const char* kPaper =
     "Sun, Liu, Ye, Yeung: Point-cloud-based place recognition using CNN feature extraction";
 constexpr Exclusion k50Frames{Exclusion::Kind::kFrames, 50};
-constexpr Exclusion k30Seconds{Exclusion::Kind::kSeconds, 30};
+
+constexpr const char* kEarlier = "each scan against all earlier ones beyond the exclusion";
+constexpr MatchRule kBox{Distance::kBox, 3};
+constexpr MatchRule kSamePlace{Distance::kPlace, 1};  // any radius: the distance is 0 or infinite
 
 struct Entry {
   Protocol protocol;
-  Task (*make)(const std::string& sequence, const Trajectory& trajectory,
-               const Exclusion& exclusion);
-  Exclusion exclusion;
+  void (*add_scans)(Task& task, const std::string& sequence, const Trajectory& trajectory);
+  Task task;  // Distance::kXy stands for the horizontal one of the trajectory
 };
 
 /// All protocols except `paper`, which combines up to three of them.
@@ -258,72 +187,94 @@ const std::vector<Entry>& table() {
         "every 3rd scan is stored, the others are queries; the best match is correct when all "
         "three coordinate differences are below 3 m",
         kPaper},
-       paper_easy_task,
-       {}},
+       every_nth_stored<3>,
+       {.rule = kBox}},
       {{"paper-median",
         "the scans of the paper's table 1 are stored, all others are queries in alignment case 1; "
         "truth as in paper-easy; KITTI's 00, 05, 06, 08",
         kPaper},
-       paper_median_task,
-       {}},
+       table_stored,
+       {.rule = kBox}},
       {{"paper-difficult",
         "paper-median with the queries in both alignment cases, the higher score counts; KITTI's "
         "08",
         kPaper},
-       paper_difficult_task,
-       {}},
+       table_stored,
+       {.both_cases = true, .rule = kBox}},
       {{"places-3",
         "every 3rd scan is stored, the others are queries; the best match is correct when it is of "
         "the same named place (the HKUST sets)",
         kPaper},
-       places_task<3>,
-       {}},
-      {{"places-6", "as places-3 with every 6th scan", kPaper}, places_task<6>, {}},
-      {{"places-10", "as places-3 with every 10th scan", kPaper}, places_task<10>, {}},
+       every_nth_stored<3>,
+       {.rule = kSamePlace}},
+      {{"places-6", "as places-3 with every 6th scan", kPaper},
+       every_nth_stored<6>,
+       {.rule = kSamePlace}},
+      {{"places-10", "as places-3 with every 10th scan", kPaper},
+       every_nth_stored<10>,
+       {.rule = kSamePlace}},
       {{"online",
         "each scan against all scans more than 50 frames before it; the best match is correct when "
         "nearer than 5 m, horizontally",
         "the usual setting of loop detection"},
-       online_task,
-       k50Frames},
+       earlier_scans<0>,
+       {.population = kEarlier, .exclusion = k50Frames}},
       {{"leave-one-out",
         "each scan against all scans more than 50 frames before or after it; truth as in online",
         "for sets without an order of time"},
-       leave_one_out_task,
-       k50Frames},
+       all_other_scans,
+       {.population = "each scan against all others, earlier and later, beyond the exclusion",
+        .exclusion = k50Frames}},
       {{"lcdnet1",
         "each scan from frame 100 on against all scans more than 50 frames before it; the best "
         "match is correct when nearer than 4 m; an incorrect match is a false positive and not "
         "also a false negative",
         "Cattaneo, Vaghi, Valada: LCDNet, T-RO 2022, protocol 1"},
-       lcdnet1_task,
-       k50Frames},
+       earlier_scans<100>,
+       {.population = kEarlier,
+        .rule = {Distance::kXy, 4},
+        .exclusion = k50Frames,
+        .rejected_only = true,
+        .margin_score = false}},
       {{"lcdnet2",
         "every pair of a scan from frame 100 on with a scan more than 50 frames before it; correct "
         "when nearer than 4 m",
         "Cattaneo, Vaghi, Valada: LCDNet, T-RO 2022, protocol 2"},
-       lcdnet2_task,
-       k50Frames},
+       earlier_scans<100>,
+       {.population = "pairs of each scan with all earlier ones beyond the exclusion",
+        .rule = {Distance::kXy, 4},
+        .exclusion = k50Frames,
+        .decides_on_pairs = true,
+        .margin_score = false}},
       {{"ssc",
         "pairs nearer than 3 m and more than 50 frames apart are correct; 100 times as many pairs, "
         "drawn among those farther apart than 20 m, are incorrect",
         "Li et al.: SSC, Semantic Scan Context, IROS 2021"},
-       ssc_task,
-       k50Frames},
+       all_earlier_scans,
+       {.population = "all near pairs beyond the exclusion, and far ones drawn at random",
+        .rule = {Distance::kXy, 3, 20},
+        .exclusion = k50Frames,
+        .decides_on_pairs = true,
+        .margin_score = false,
+        .negatives_per_positive = 100}},
       {{"logg3d",
         "each scan against all scans more than 30 s before it; the best match is correct when "
         "nearer than 3 m, incorrect when farther than 20 m, not counted between; an incorrect "
         "match is not also a false negative",
         "Vidanapathirana et al.: LoGG3D-Net, ICRA 2022"},
-       logg3d_task,
-       k30Seconds},
+       earlier_scans<0>,
+       {.population = kEarlier,
+        .rule = {Distance::kXy, 3, 20},
+        .exclusion = {Exclusion::Kind::kSeconds, 30},
+        .rejected_only = true,
+        .margin_score = false}},
       {{"bevplace",
         "frames of fixed ranges are stored and queried (00: 0-2999, 3200-4540; 02: 0-3399, "
         "3600-4660; 05: 0-999, 1200-2750; 06: 0-599, 800-1100; 08: 0-999, 1200-4070); the best "
         "match is correct when nearer than 5 m",
         "Luo et al.: BEVPlace, ICCV 2023, and BEVPlace++, T-RO 2025"},
-       bevplace_task,
-       {}},
+       bevplace_scans,
+       {.margin_score = false}},
   };
   return entries;
 }
@@ -439,12 +390,16 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
       throw UsageError("unknown protocol '", protocol, "'",
                        nearest_name_hint(protocol, protocol_names()),
                        "; known: ", joined(protocol_names(), ", "));
-    Task task = entry->make(sequence, trajectory, exclusion.value_or(entry->exclusion));
+    Task task = entry->task;
     task.name = name;
     task.definition = entry->protocol.definition;
-    const std::string own = words_for(entry->exclusion);
+    if (task.rule.distance == Distance::kXy) task.rule.distance = trajectory.horizontal;
+    const bool excludes = task.exclusion.kind != Exclusion::Kind::kNone;
+    if (excludes) task.exclusion = exclusion.value_or(task.exclusion);
+    entry->add_scans(task, sequence, trajectory);
+    const std::string own = words_for(entry->task.exclusion);
     if (const size_t at = task.definition.find(own);
-        at != std::string::npos && task.exclusion != entry->exclusion)
+        at != std::string::npos && task.exclusion != entry->task.exclusion)
       task.definition.replace(at, own.size(), words_for(task.exclusion));
     if (trajectory.listed) {
       need_exclusion(task, exclusion);
