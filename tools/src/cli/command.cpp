@@ -72,19 +72,11 @@ void print_commands(const Command& group, const std::string& path, std::ostream&
 int run_one(const Command& command, const std::string& path, const Arguments& arguments) {
   Options options(path);
   const Action action = command.declare(options);
-  switch (options.parse(arguments)) {
-    case Options::Parsed::kRun:
-      return action();
-    case Options::Parsed::kList:
-      return kOk;
-    case Options::Parsed::kHelp:
-      print_help(command, options, false);
-      return kOk;
-    case Options::Parsed::kHelpAll:
-      print_help(command, options, true);
-      return kOk;
-  }
-  return kFailed;
+  using Parsed = Options::Parsed;
+  const Parsed parsed = options.parse(arguments);
+  if (parsed == Parsed::kRun) return action();
+  if (parsed != Parsed::kList) print_help(command, options, parsed == Parsed::kHelpAll);
+  return kOk;
 }
 
 /// Ends the process before the exit handlers of libraries, because OpenBLAS's may wait forever for
@@ -188,8 +180,6 @@ int run_main(const std::string& program, int argc, char** argv,
     return fail(error.what(), kUnsupported);
   } catch (const Interrupted& error) {
     return fail(error.what(), kInterrupted);
-  } catch (const Error& error) {
-    return fail(error.what(), kFailed);
   } catch (const std::bad_alloc&) {
     return fail("out of memory; give a smaller input or fewer threads", kFailed);
   } catch (const std::exception& error) {

@@ -97,28 +97,6 @@ bool parse_value(const std::string& what, const std::string& text) {
   throw UsageError(what, ": expected true or false, found '", text, "'");
 }
 
-template <class T>
-std::string text_of_value(const T& value) {
-  return str(value);
-}
-template std::string text_of_value(const std::string&);
-template std::string text_of_value(const int&);
-template std::string text_of_value(const int64_t&);
-template std::string text_of_value(const uint32_t&);
-template std::string text_of_value(const uint64_t&);
-template <>
-std::string text_of_value(const double& value) {
-  return exact(value);
-}
-template <>
-std::string text_of_value(const fs::path& value) {
-  return value.string();
-}
-template <>
-std::string text_of_value(const bool& value) {
-  return value ? "true" : "";
-}
-
 bool Row::belongs_to(const std::string& feature) const {
   const std::vector<std::string> names = split(features, ' ');
   return names.empty() || std::ranges::count(names, feature) > 0;
@@ -197,44 +175,14 @@ Options& Options::group(std::string heading, bool settings) {
   return *this;
 }
 
-Options& Options::required(bool is_required) {
-  last().is_required = is_required;
-  return *this;
-}
-
-Options& Options::common(bool is_common) {
-  last().is_common = is_common;
-  return *this;
-}
-
-Options& Options::suggest(std::vector<std::string> words) {
-  last().words = std::move(words);
-  return *this;
-}
-
-Options& Options::of_features(std::string features) {
-  last().features = std::move(features);
-  return *this;
-}
-
 Options& Options::needs(std::string option) {
-  last().needed.push_back(std::move(option));
-  return *this;
-}
-
-Options& Options::excludes(std::vector<std::string> options) {
-  last().excluded = std::move(options);
-  return *this;
-}
-
-Options& Options::listed_by(std::function<void()> print) {
-  last().print_list = std::move(print);
+  rows_.back().needed.push_back(std::move(option));
   return *this;
 }
 
 Options& Options::checked(std::function<void(const std::string& what, double value)> check) {
-  last().set = [set = last().set, check = std::move(check)](const std::string& what,
-                                                            const std::string& text) {
+  auto& set = rows_.back().set;
+  set = [set, check = std::move(check)](const std::string& what, const std::string& text) {
     set(what, text);
     check(what, parse_value<double>(what, text));
   };

@@ -22,7 +22,16 @@ T parse_value(const std::string& what, const std::string& text);
 
 /// Text that parse_value() reads back.
 template <class T>
-std::string text_of_value(const T& value);
+std::string text_of_value(const T& value) {
+  if constexpr (std::is_same_v<T, double>)
+    return exact(value);
+  else if constexpr (std::is_same_v<T, std::filesystem::path>)
+    return value.string();
+  else if constexpr (std::is_same_v<T, bool>)
+    return value ? "true" : "";
+  else
+    return str(value);
+}
 
 /// Splits at commas; "" and the end of "a," yield no part.
 std::vector<std::string> comma_separated(const std::string& list);
@@ -130,18 +139,22 @@ class Options {
   Options& group(std::string heading, bool settings = true);
 
   // Of the last row:
-  Options& required(bool is_required = true);
+  Options& required(bool is_required = true) { return last(&Row::is_required, is_required); }
   Options& optional() { return required(false); }
   /// Listed by --help, which else lists all options if none is common. --help=all lists all.
-  Options& common(bool is_common = true);
+  Options& common(bool is_common = true) { return last(&Row::is_common, is_common); }
   /// Words for completion, without a check.
-  Options& suggest(std::vector<std::string> words);
+  Options& suggest(std::vector<std::string> words) { return last(&Row::words, std::move(words)); }
   /// Features that use it, e.g. "cnn ring".
-  Options& of_features(std::string features);
+  Options& of_features(std::string names) { return last(&Row::features, std::move(names)); }
   Options& needs(std::string option);
-  Options& excludes(std::vector<std::string> options);
+  Options& excludes(std::vector<std::string> options) {
+    return last(&Row::excluded, std::move(options));
+  }
   /// The value `list` calls `print` instead of running the command.
-  Options& listed_by(std::function<void()> print);
+  Options& listed_by(std::function<void()> print) {
+    return last(&Row::print_list, std::move(print));
+  }
   Options& at_least(double least);
   Options& between(double least, double most);
   Options& positive();
@@ -213,7 +226,12 @@ class Options {
   }
 
   Options& add(Row row);
-  Row& last() { return rows_.back(); }
+  /// Sets a member of the last row.
+  template <class Value>
+  Options& last(Value Row::*member, Value value) {
+    rows_.back().*member = std::move(value);
+    return *this;
+  }
   static size_t index_of_word(const std::string& what, const std::string& text,
                               const std::vector<std::string>& words);
   /// Calls `check` with the number of the last row when it is set.

@@ -156,17 +156,10 @@ TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
 }
 
 void count(PairLabel truth, AcceptedLoops& loops) {
-  switch (truth) {
-    case PairLabel::kCorrect:
-      ++loops.correct;
-      break;
-    case PairLabel::kIncorrect:
-      ++loops.incorrect;
-      break;
-    case PairLabel::kIgnored:
-      ++loops.ignored;
-      break;
-  }
+  if (truth == PairLabel::kIgnored)
+    ++loops.ignored;
+  else
+    ++(truth == PairLabel::kCorrect ? loops.correct : loops.incorrect);
 }
 
 AlignmentRecord record_of(bool described) {
