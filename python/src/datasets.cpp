@@ -44,11 +44,8 @@ void bind_datasets(nb::module_& module) {
       .def_prop_ro("has_poses", &Dataset::has_poses, "Every scan has a pose.")
       .def_prop_ro("has_places", &Dataset::has_places, "Scans are sorted by places.");
   module.def(
-      "open_dataset",
-      [](const fs::path& root, const std::string& sequence, bool poses) {
-        return open_dataset(root, sequence, poses);
-      },
-      nb::call_guard<Unlocked>(), "root"_a, "sequence"_a = "", nb::kw_only(), "poses"_a = false,
+      "open_dataset", open_dataset, nb::call_guard<Unlocked>(), "root"_a, "sequence"_a = "",
+      nb::kw_only(), "poses"_a = false,
       "Opens a KITTI odometry sequence, a folder with one folder per place, or a folder of .bin, "
       ".pcd or .ply files.\n\n"
       "poses: require poses. Raises InputError with the files that were expected.");

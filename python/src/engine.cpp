@@ -1,6 +1,7 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -173,15 +174,10 @@ void bind_net(nb::module_& module) {
           "input then has one channel.\n"
           "Raises InputError with the layer that cannot take the shapes, UsageError for unknown "
           "names, MemoryError.")
-      .def(
-          "part",
-          [](const Net& net, const std::string& first, const std::string& last) {
-            return net.part(first, last);
-          },
-          nb::call_guard<Unlocked>(), "first"_a, "last"_a,
-          "Returns the layers from `first` to `last` as a net that shares the weights. Inputs: the "
-          "blobs that they read from earlier layers. Outputs: all blobs that they compute. Raises "
-          "UsageError for unknown layers or if `last` comes before `first`.")
+      .def("part", &Net::part, nb::call_guard<Unlocked>(), "first"_a, "last"_a,
+           "Returns the layers from `first` to `last` as a net that shares the weights. Inputs: "
+           "the blobs that they read from earlier layers. Outputs: all blobs that they compute. "
+           "Raises UsageError for unknown layers or if `last` comes before `first`.")
       .def("truncated", &Net::truncated, nb::call_guard<Unlocked>(), "layers"_a,
            "Returns the layers that `layers` need, as a net that shares the weights and has all "
            "inputs. Outputs: those of `layers`, by port_name(), before later in-place layers. "

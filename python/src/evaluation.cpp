@@ -109,12 +109,8 @@ std::optional<Exclusion> block_length(const std::optional<std::string>& text) {
 void bind_labels(nb::module_& module) {
   nb::class_<MatchLabel>(module, "MatchLabel",
                          "Score and ground-truth label of one query's best match.")
-      .def(
-          "__init__",
-          [](MatchLabel* self, double score, bool correct, bool positive, bool ignored) {
-            new (self) MatchLabel{score, correct, positive, ignored};
-          },
-          "score"_a, "correct"_a, "positive"_a, "ignored"_a = false, "See the properties.")
+      .def(nb::init<double, bool, bool, bool>(), "score"_a, "correct"_a, "positive"_a,
+           "ignored"_a = false, "See the properties.")
       .def_ro("score", &MatchLabel::score, "Score of the best match.")
       .def_ro("correct", &MatchLabel::correct, "The best match is correct.")
       .def_ro("positive", &MatchLabel::positive, "The query has a correct match in the database.")
@@ -195,16 +191,11 @@ void bind_labels(nb::module_& module) {
 void bind_pairs(nb::module_& module) {
   nb::class_<ListedPairs>(module, "ListedPairs",
                           "Ground truth as pairs: frame of a query -> frames of its places.")
-      .def(
-          "__init__",
-          [](ListedPairs* self, ListedPairs::Places correct, ListedPairs::Places ignored,
-             bool complete) {
-            new (self) ListedPairs{std::move(correct), std::move(ignored), complete};
-          },
-          "correct"_a, "ignored"_a = ListedPairs::Places(), "complete"_a = false,
-          "correct: correct matches; a query with an empty set has none.\n"
-          "ignored: matches that count as neither correct nor incorrect.\n"
-          "complete: if True, unlisted queries have no match; else they are not evaluated.")
+      .def(nb::init<ListedPairs::Places, ListedPairs::Places, bool>(), "correct"_a,
+           "ignored"_a = ListedPairs::Places(), "complete"_a = false,
+           "correct: correct matches; a query with an empty set has none.\n"
+           "ignored: matches that count as neither correct nor incorrect.\n"
+           "complete: if True, unlisted queries have no match; else they are not evaluated.")
       .def_ro("correct", &ListedPairs::correct,
               "Frame of a query -> frames of its correct matches.")
       .def_ro("ignored", &ListedPairs::ignored, "Frame of a query -> frames that count as neither.")
