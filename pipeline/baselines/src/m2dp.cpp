@@ -162,12 +162,8 @@ void m2dp(const PointCloud& cloud, std::span<float> descriptor) {
 }
 
 FeatureExtractor m2dp_features() {
-  FeatureExtractor extractor;
-  extractor.name = "m2dp";
-  extractor.dim = kM2dpDim;
-  extractor.key = "m2dp";
-  extractor.make = []() -> FeatureFunction<PointCloud> { return m2dp; };
-  return extractor;
+  const auto make = []() -> FeatureFunction<PointCloud> { return m2dp; };
+  return {.name = "m2dp", .key = "m2dp", .dim = kM2dpDim, .make = make};
 }
 
 }  // namespace revisit

@@ -120,11 +120,7 @@ class SeededEsf : private pcl::ESFEstimation<EsfPoint> {
 }  // namespace
 
 FeatureExtractor esf_features() {
-  FeatureExtractor extractor;
-  extractor.name = "esf";
-  extractor.dim = pcl::ESFSignature640::descriptorSize();
-  extractor.key = "esf";
-  extractor.make = []() -> FeatureFunction<PointCloud> {
+  const auto make = []() -> FeatureFunction<PointCloud> {
     return
         [esf = std::make_shared<SeededEsf>()](const PointCloud& cloud, std::span<float> feature) {
           const Points::Ptr points = to_pcl<Points>(cloud);
@@ -133,7 +129,8 @@ FeatureExtractor esf_features() {
           esf->describe(*points, feature);
         };
   };
-  return extractor;
+  const int64_t dim = pcl::ESFSignature640::descriptorSize();
+  return {.name = "esf", .key = "esf", .dim = dim, .make = make};
 }
 
 }  // namespace revisit

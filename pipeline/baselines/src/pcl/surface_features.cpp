@@ -233,28 +233,20 @@ void count_transitions(const Voxels& voxels, const std::vector<int>& classes,
 
 FeatureExtractor vfh_features(double normal_radius) {
   check_radius("VFH, normals", normal_radius);
-  FeatureExtractor extractor;
-  extractor.name = "vfh";
-  extractor.dim = kDim;
-  extractor.key = str("vfh normals ", normal_radius);
-  extractor.make = [=]() -> FeatureFunction<PointCloud> {
+  const auto make = [=]() -> FeatureFunction<PointCloud> {
     return [=](const PointCloud& cloud, std::span<float> feature) {
       std::fill(feature.begin(), feature.end(), 0.0F);
       const Surface surface = surface_of(cloud, normal_radius, normal_radius);
       if (surface.points->size() >= 2) viewpoint_feature_histogram(surface, feature);
     };
   };
-  return extractor;
+  return {.name = "vfh", .key = str("vfh normals ", normal_radius), .dim = kDim, .make = make};
 }
 
 FeatureExtractor grsd_features(double normal_radius, double radius) {
   check_radius("GRSD, normals", normal_radius);
   check_radius("GRSD", radius);
-  FeatureExtractor extractor;
-  extractor.name = "grsd";
-  extractor.dim = pcl::GRSDSignature21::descriptorSize();
-  extractor.key = str("grsd normals ", normal_radius, " radius ", radius);
-  extractor.make = [=]() -> FeatureFunction<PointCloud> {
+  const auto make = [=]() -> FeatureFunction<PointCloud> {
     return [=](const PointCloud& cloud, std::span<float> feature) {
       std::fill(feature.begin(), feature.end(), 0.0F);
       const Surface surface = surface_of(cloud, normal_radius, std::max(normal_radius, radius));
@@ -263,7 +255,10 @@ FeatureExtractor grsd_features(double normal_radius, double radius) {
       count_transitions(voxels, surface_classes(voxels, surface, radius), feature);
     };
   };
-  return extractor;
+  return {.name = "grsd",
+          .key = str("grsd normals ", normal_radius, " radius ", radius),
+          .dim = pcl::GRSDSignature21::descriptorSize(),
+          .make = make};
 }
 
 }  // namespace revisit
