@@ -315,7 +315,7 @@ TEST(Upgrade, LayersOfForksThatAnotherLayerComputes) {
   };
   // (ln 5 - ln 3) / (5 - 3)
   expect_upgrade(layer("Insanity", "insanity_param { lb: 3 ub: 5 }"),
-                 layer("ReLU", "relu_param { negative_slope: 0.25541288 }"));
+                 layer("ReLU", "relu_param { negative_slope: 0.25541282 }"));
   expect_upgrade(layer("BReLU", "brelu_param { maxval: 2 }"),
                  layer("Clip", "clip_param { min: 0 max: 2 }"));
   expect_upgrade(layer("PoolingND", "pooling_nd_param { pool: AVE kernel_size: 2 stride: 3 }"),
