@@ -130,7 +130,7 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
                                                                   : AmbiguousCrops::kErrors,
             blame, notes);
     if (!options.keep_training) keep_inference(file, options, blame, notes);
-    if (!options.keep_training && !options.keep_python) replace_python_proposals(file.net, notes);
+    if (!options.keep_training) replace_python_layers(file.net, options.keep_python, notes);
   } catch (const UpgradeError& error) {
     throw InputError(message_start(name, position(error.field, error.index)) + error.what());
   } catch (const InputError& error) {

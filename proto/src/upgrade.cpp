@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <sstream>
 #include <string_view>
 #include <unordered_set>
@@ -149,6 +150,90 @@ void upgrade_synopsys(caffe::NetParameter& net) {
   }
 }
 
+/// DetectionOutput of Synopsys' fork with `no_permute` reads confidences [class][ratio][pixel] and
+/// locations [ratio][4][h][w] of each map, and SSD's prior boxes. Returns the layers that order and
+/// join them for SSD's DetectionOutput.
+std::vector<caffe::LayerParameter> permuting_layers(caffe::LayerParameter& detection) {
+  const int n = detection.detection_output_param().nbottom();
+  std::vector<caffe::LayerParameter> added;
+  const auto add = [&](const char* type, const std::string& bottom, const std::string& top) {
+    caffe::LayerParameter& layer = added.emplace_back();
+    layer.set_name(top), layer.set_type(type);
+    layer.add_bottom(bottom), layer.add_top(top);
+    return &layer;
+  };
+  caffe::LayerParameter ssd = detection;
+  ssd.clear_bottom();
+  for (const int first : {n, 0}) {  // locations, then confidences
+    ssd.add_bottom(str(detection.name(), first == 0 ? "/confidences" : "/locations"));
+    for (int i = first; i < first + n; ++i) {
+      const std::string ordered = detection.bottom(i) + "/ordered";
+      auto& order = *add("Permute", detection.bottom(i), ordered)->mutable_permute_param();
+      for (const int axis : {0, first == 0 ? 3 : 2, first == 0 ? 2 : 3, 1}) order.add_order(axis);
+      add("Flatten", ordered, detection.bottom(i) + "/flat");
+    }
+    auto& joined = *add("Concat", detection.bottom(first) + "/flat", ssd.bottom().rbegin()[0]);
+    for (int i = first + 1; i < first + n; ++i) joined.add_bottom(detection.bottom(i) + "/flat");
+  }
+  ssd.add_bottom(detection.bottom(2 * n));
+  ssd.mutable_detection_output_param()->clear_no_permute();
+  ssd.mutable_detection_output_param()->clear_nbottom();
+  detection.Swap(&ssd);
+  return added;
+}
+
+/// Converts layers of forks that other layers compute.
+void upgrade_twins(caffe::NetParameter& net) {
+  caffe::NetParameter result;
+  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
+    if (layer.type() == "Insanity" && layer.insanity_param().lb() > 0 &&
+        layer.insanity_param().ub() > layer.insanity_param().lb()) {
+      const float low = layer.insanity_param().lb(), high = layer.insanity_param().ub();
+      layer.mutable_relu_param()->set_negative_slope((std::log(high) - std::log(low)) /
+                                                     (high - low));
+      layer.clear_insanity_param();
+      layer.set_type("ReLU");
+    }
+    const caffe::UnpoolingParameter& p = layer.unpooling_param();
+    if ((layer.type() == "Unpooling" || layer.type() == "UnPooling") && layer.bottom_size() == 2 &&
+        p.unpool() == caffe::UnpoolingParameter::MAX &&
+        (p.has_unpool_size() || (p.has_unpool_h() && p.has_unpool_w()))) {
+      auto& upsample = *layer.mutable_upsample_param();
+      upsample.set_upsample_h(p.has_unpool_size() ? p.unpool_size() : p.unpool_h());
+      upsample.set_upsample_w(p.has_unpool_size() ? p.unpool_size() : p.unpool_w());
+      layer.clear_unpooling_param();
+      layer.set_type("Upsample");
+    }
+    if (layer.type() == "Reshape" && layer.reshape_param().pixelshuffler() != 1) {
+      layer.mutable_depth_to_space_param()->set_block_size(layer.reshape_param().pixelshuffler());
+      layer.mutable_depth_to_space_param()->set_data_format("CRD");
+      layer.clear_reshape_param();
+      layer.set_type("DepthToSpace");
+    }
+    const caffe::ResizeNearestNeighborParameter& resize = layer.resize_nearest_neighbor_param();
+    const float factor = resize.scale_height();
+    if (layer.type() == "ResizeNearestNeighbor" && resize.data_format() == "NCHW" &&
+        !resize.has_output_height() && !resize.has_output_width() && !resize.align_corners() &&
+        resize.scale_width() == factor && (factor == 2 || factor == 4 || factor == 8)) {
+      layer.mutable_upsample_param()->set_scale(static_cast<uint32_t>(factor));
+      layer.clear_resize_nearest_neighbor_param();
+      layer.set_type("Upsample");
+    }
+    if (layer.type() == "BReLU") {
+      layer.mutable_clip_param()->set_min(layer.brelu_param().minval());
+      layer.mutable_clip_param()->set_max(layer.brelu_param().maxval());
+      layer.clear_brelu_param();
+      layer.set_type("Clip");
+    }
+    const caffe::DetectionOutputParameter& detection = layer.detection_output_param();
+    if (detection.no_permute() && detection.nbottom() > 0 &&
+        layer.bottom_size() == 2 * int64_t{detection.nbottom()} + 1)
+      for (caffe::LayerParameter& added : permuting_layers(layer)) *result.add_layer() = added;
+    result.add_layer()->Swap(&layer);
+  }
+  net.mutable_layer()->Swap(result.mutable_layer());
+}
+
 template <class Repeated>
 void set_axes(Repeated* field, uint32_t depth, uint32_t height_width) {
   field->Clear();
@@ -184,6 +269,14 @@ void upgrade_volumes(caffe::NetParameter& net) {
       p.clear_kernel_depth(), p.clear_temporal_stride();
       p.clear_kernel_l(), p.clear_stride_l(), p.clear_pad_l();
       layer.set_type("Pooling");
+    } else if (layer.type() == "PoolingND") {  // 3D-Caffe: the same size along all axes
+      caffe::PoolingParameter& p = *layer.mutable_pooling_nd_param();
+      if (p.pad() > 0 || p.global_pooling()) continue;
+      set_axes(p.mutable_kernel_size_nd(), p.kernel_size(), p.kernel_size());
+      set_axes(p.mutable_stride_nd(), p.stride(), p.stride());
+      layer.mutable_pooling_param()->Swap(&p);
+      layer.clear_pooling_nd_param();
+      layer.set_type("Pooling");
     }
   }
 }
@@ -197,8 +290,8 @@ constexpr const char* kV1Types =
     "Sigmoid SigmoidCrossEntropyLoss Silence Slice Softmax Split TanH Threshold WindowData "
     // Forks DeepLab, FCN and SegNet, and Caffe shortly before V2.
     "Interp Crop Upsample BN BatchNorm PReLU Reshape ROIPooling "
-    // C3D.
-    "Convolution3D Pooling3D";
+    // C3D, DeconvNet.
+    "Convolution3D Pooling3D Unpooling";
 
 void move_transform(google::protobuf::Message& from, V1& layer) {
   for (const char* name : {"scale", "mean_file", "crop_size", "mirror"}) {
@@ -317,6 +410,7 @@ void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, AmbiguousCrops cr
   upgrade_holes(net);
   upgrade_volumes(net);
   upgrade_synopsys(net);
+  upgrade_twins(net);
   find_crop_offsets(net, crops, blame, warnings);
 }
 

@@ -248,5 +248,19 @@ TEST(Axpy, OneFactorPerImageAndChannel) {
   expect_error<InputError>([&] { axpy->infer({Shape{2, 1}, x.shape}, 1); }, {"3 inputs"});
 }
 
+/// Either input may have the factors.
+TEST(Mul, OneFactorPerImageAndChannel) {
+  const Tensor maps{Shape{2, 2, 1, 2}, {1, 2, 3, 4, 5, 6, 7, kInf}},
+      factors{Shape{2, 2, 1, 1}, {10, 0, -1, 0}};
+  const std::vector<float> wanted{10, 20, 0, 0, -5, -6, 0, kNan};
+  for (const auto& inputs : {std::vector{maps, factors}, {factors, maps}}) {
+    const auto found = run_checked("Mul", "", inputs);
+    EXPECT_EQ(found[0].shape, maps.shape);
+    expect_near(found[0].values, wanted);
+  }
+  for (const Shape& other : {Shape{1, 2, 1, 1}, Shape{2, 2}, Shape{2, 2, 1, 2}})
+    expect_rejected<UnsupportedError>("Mul", "", {maps.shape, other}, {"n x c x 1 x 1", "2x2x1x2"});
+}
+
 }  // namespace
 }  // namespace revisit::engine

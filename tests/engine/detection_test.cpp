@@ -50,6 +50,19 @@ TEST(Normalize, SameForAnyNumberOfThreads) {
   }
 }
 
+/// Of NormFace: every pixel by its own norm and without weights, also at the field's first place.
+TEST(Normalize, OfNormFaceHasNoWeights) {
+  const Tensor image{Shape{1, 2, 1, 2}, {3, 0, 4, 1e-3F}};
+  const std::vector<float> wanted{0.6F, 0, 0.8F, std::sqrt(0.5F)};  // eps 1e-6 doubles the last sum
+  for (const std::string param : {"normalize_param { }", "normalize_param { normalize_type: 'L2' }",
+                                  "softmax_param { normalize_type: 'L2' }"})
+    expect_near(run_layer({"Normalize", param, {image}})[0].values, wanted, 1e-6F);
+  expect_rejected<UnsupportedError>("Normalize", "normalize_param { normalize_type: 'L1' }",
+                                    {image.shape}, {"'L1'"});
+  expect_rejected<UnsupportedError>("Softmax", "softmax_param { normalize_type: 'L2' }",
+                                    {image.shape}, {"'L2'"});
+}
+
 TEST(PriorBox, ByHand) {
   // A 1x2 map on an image of 20 x 40 pixels: steps 20 and 20, centers (10, 10) and (30, 10).
   const auto found =
@@ -309,6 +322,63 @@ TEST(DetectionOutput, OfTwoStages) {
   expect_rejected("DetectionOutput", "detection_output_param { num_classes: 3 }",
                   {Shape{2, 8}, Shape{2, 6}, Shape{1, 2, 8}, Shape{2, 3}},
                   {"2 x 4 confidences", "first stage", "2x3"});
+}
+
+/// Two maps of 1 x 2 and 1 x 1 pixels, two boxes for each, two classes. The same numbers in SSD's
+/// order, [pixel][box][class] and [pixel][box][4], must give the same rows.
+TEST(DetectionOutput, OfSynopsysPermutesItsInputs) {
+  const std::vector<int> pixels{2, 1};
+  std::string inputs, bottoms;
+  std::vector<Tensor> maps(4);
+  Tensor locations{Shape{1, 24}, {}}, confidences{Shape{1, 12}, {}}, priors{Shape{1, 2, 24}, {}};
+  for (size_t m = 0; m < 2; ++m) {
+    const int n = pixels[m];
+    maps[m] = {Shape{1, 2, 2, n}, std::vector<float>(4 * n)};
+    maps[2 + m] = {Shape{1, 8, 1, n}, std::vector<float>(8 * n)};
+    for (int pixel = 0; pixel < n; ++pixel)
+      for (int box = 0; box < 2; ++box) {
+        for (int c = 0; c < 2; ++c) {
+          confidences.values.push_back(0.05F * static_cast<float>(confidences.values.size() + 1));
+          maps[m].values[(c * 2 + box) * n + pixel] = confidences.values.back();
+        }
+        for (int k = 0; k < 4; ++k) {
+          locations.values.push_back(0.01F * static_cast<float>(locations.values.size()));
+          maps[2 + m].values[(box * 4 + k) * n + pixel] = locations.values.back();
+        }
+        const float at = 0.2F * static_cast<float>(priors.values.size() / 4);
+        priors.values.insert(priors.values.end(), {at, at, at + 0.1F, at + 0.1F});
+      }
+  }
+  for (int i = 0; i < 24; ++i) priors.values.push_back(0.1F);
+  const std::string param =
+      "num_classes: 2 code_type: CENTER_SIZE nms_param { nms_threshold: 0.4 }";
+  const auto wanted = run_layer({"DetectionOutput",
+                                 "detection_output_param { " + param + " }",
+                                 {locations, confidences, priors}})[0];
+  EXPECT_GT(wanted.shape[2], 2);
+  std::string text = "layer { name: 'i' type: 'Input' ";
+  for (const char* top : {"c1", "c2", "l1", "l2", "p"}) text += str("top: '", top, "' ");
+  text += "input_param { ";
+  for (const Tensor* t : {&maps[0], &maps[1], &maps[2], &maps[3], &priors})
+    text += str("shape { dim: [", joined(t->shape.axes(), ", "), "] } ");
+  text +=
+      str("} } layer { name: 'd' type: 'DetectionOutput' bottom: 'c1' bottom: 'c2' bottom: 'l1' "
+          "bottom: 'l2' bottom: 'p' top: 'd' detection_output_param { ",
+          param, " no_permute: true nbottom: 2 } }");
+  const TempDir folder;
+  write_file(folder / "net.prototxt", text);
+  const Net net = Net::load_without_weights(folder / "net.prototxt");
+  Run run(net.plan());
+  for (const auto& [name, tensor] : {std::pair<std::string, const Tensor&>{"c1", maps[0]},
+                                     {"c2", maps[1]},
+                                     {"l1", maps[2]},
+                                     {"l2", maps[3]},
+                                     {"p", priors}})
+    std::ranges::copy(tensor.values, run.input(name).data);
+  run.forward();
+  const auto found = run.output("d");
+  EXPECT_EQ(found.shape, wanted.shape);
+  expect_near({found.data, found.data + found.shape.elements()}, wanted.values);
 }
 
 }  // namespace

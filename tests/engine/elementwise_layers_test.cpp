@@ -38,6 +38,11 @@ TEST(Exp, AnyBase) {
   expect_near(of("Exp", "exp_param { shift: 2 }", {-2}), {1}, 1e-6F);
 }
 
+TEST(HardSwish, IsXTimesAClippedLine) {
+  expect_near(run("HardSwish", "", {7}, {-4, -3, -1.5F, 0, 1.5F, 3, 4}),
+              {0, 0, -0.375F, 0, 1.125F, 3, 4});
+}
+
 TEST(Log, AnyBase) {
   expect_near(of("Log", "", {1, 0, -1, kInf}), {0, -kInf, kNan, kInf});
   // log2(2 x + 1)

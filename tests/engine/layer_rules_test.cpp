@@ -20,9 +20,9 @@ Net in_place(const std::string& type, const std::string& param = "") {
 
 TEST(InPlace, IsForLayersThatReadEachValueBeforeTheyWriteIt) {
   for (const std::string type :
-       {"BN",    "BNLL",    "BatchNorm", "Bias",      "Clip",  "Dropout",  "ELU",  "Exp",
-        "Log",   "Mish",    "MVN",       "Normalize", "Power", "PReLU",    "ReLU", "ReLU6",
-        "Scale", "Sigmoid", "Softmax",   "Swish",     "TanH",  "Threshold"})
+       {"BN",        "BNLL",  "BatchNorm", "Bias",    "Clip",      "Dropout", "ELU",      "Exp",
+        "HardSwish", "Log",   "Mish",      "MVN",     "Normalize", "Power",   "PReLU",    "ReLU",
+        "ReLU6",     "Scale", "Sigmoid",   "Softmax", "Swish",     "TanH",    "Threshold"})
     EXPECT_EQ(in_place(type).outputs().size(), 2U) << type;
 }
 

@@ -85,6 +85,14 @@ TEST(Slice, RefusesPointsOutOfOrder) {
   expect_error<InputError>([&] { infer("", 0); }, {"at least one output"});
 }
 
+/// PPR-FCN: as many times as the second input has items, whatever `tiles` says.
+TEST(Tile, ForEachItemOfASecondInput) {
+  const auto found =
+      run_checked("Tile", "tile_param { tiles: 1 }", {count_up({1, 2}), count_up({3, 7})})[0];
+  EXPECT_EQ(found.shape, (Shape{1, 6}));
+  expect_near(found.values, {0, 1, 0, 1, 0, 1});
+}
+
 TEST(Tile, RepeatsAlongAnAxis) {
   Shape shape;
   expect_near(run("Tile", "tile_param { tiles: 2 }", {2, 2}, {1, 2, 3, 4}, {}, &shape),
@@ -285,6 +293,31 @@ TEST(Reorg, MovesPixelsAsDarknetDoes) {
   const Tensor odd = count_up({2, 9, 6, 3});
   EXPECT_EQ(reorg("stride: 1", odd).values, odd.values);
   EXPECT_EQ(reorg("stride: 3", odd).shape, (Shape{2, 81, 2, 1}));
+}
+
+/// Slow twin: the formulas of the fork's loops.
+TEST(DepthToSpace, MovesChannelsToBlocks) {
+  constexpr int64_t kBlock = 3, kChannels = 2, kH = 2, kW = 4;
+  const Tensor input = count_up({2, kChannels * kBlock * kBlock, kH, kW});
+  for (const std::string format : {"NCHW", "DCR", "CRD"}) {
+    const Tensor found = run_checked(
+        "DepthToSpace", "depth_to_space_param { block_size: 3 data_format: '" + format + "' }",
+        {input})[0];
+    ASSERT_EQ(found.shape, (Shape{2, kChannels, kH * kBlock, kW * kBlock}));
+    size_t i = 0;
+    for (int64_t n = 0; n < 2; ++n)
+      for (int64_t c = 0; c < kChannels; ++c)
+        for (int64_t y = 0; y < kH * kBlock; ++y)
+          for (int64_t x = 0; x < kW * kBlock; ++x, ++i) {
+            const int64_t within = y % kBlock * kBlock + x % kBlock;
+            const int64_t from =
+                format == "CRD" ? c * kBlock * kBlock + within : within * kChannels + c;
+            const int64_t at = ((n * input.shape[1] + from) * kH + y / kBlock) * kW + x / kBlock;
+            ASSERT_EQ(found.values[i], input.values[at]) << format << ' ' << i;
+          }
+  }
+  expect_rejected<UnsupportedError>("DepthToSpace", "depth_to_space_param { block_size: 2 }",
+                                    {Shape{1, 4, 1, 1}}, {"'NHWC'"});
 }
 
 TEST(Reorg, RejectsReadsBeyondTheInput) {

@@ -174,6 +174,15 @@ TEST(PsRoiPooling, ByHand) {
   l.inputs[1].values = {0, 0.5F, 0.5F, 4.4F, 4.4F};
   expect_near(run_layer(l)[0].values,
               {2.5F, 103.5F, 206.5F, 307.5F, 402.5F, 503.5F, 606.5F, 707.5F});
+  // A region of one pixel with a quarter of its size more at each end is -0.25 to 0.25, rounded 0
+  // to 0; with 1.5 it is -1.5 to 1.5, rounded -2 to 2, of which the image has 0 to 2.
+  l.inputs[1].values = {0, 0, 0, 0, 0};
+  for (const auto& [ratio, mean] : {std::pair{0.25F, 0.0F}, {1.5F, 5.0F}}) {
+    l.param =
+        str("psroi_pooling_param { spatial_scale: 1 output_dim: 8 group_size: 1 pad_ratio: ", ratio,
+            " }");
+    EXPECT_FLOAT_EQ(run_layer(l)[0].values[0], mean);
+  }
   // PPR-FCN: bins beside the first object, pixels 1 to 2 of the last row, are 0.
   const std::string sizes = "{ spatial_scale: 1 output_dim: 2 group_size: 2 }";
   l.type = "PSROIContextPooling";

@@ -100,6 +100,20 @@ TEST(Upsample, PutsValuesWhereTheMaskSays) {
   expect_near(found[0].values, {0, 5, 0, 0, 0, 6, 8, 0, 0, 0, 0, 0});
 }
 
+/// DeconvNet's layer, of which an image takes the first channels.
+TEST(Upsample, AMaskMayHaveMoreChannels) {
+  const std::string param = "unpooling_param { unpool_h: 2 unpool_w: 2 }";
+  const Tensor mask{Shape{1, 2, 1, 1}, {3, 0}};
+  const auto file = proto::parse_net(
+      "layer { name: 'u' type: 'Unpooling' bottom: 'a' bottom: 'm' " + param + " }", "net");
+  EXPECT_EQ(file.net.layer(0).type(), "Upsample");
+  const std::string upsample = "upsample_param { upsample_h: 2 upsample_w: 2 }";
+  expect_near(run_layer({"Upsample", upsample, {{Shape{1, 1, 1, 1}, {5}}, mask}})[0].values,
+              {0, 0, 0, 5});
+  expect_rejected("Upsample", upsample, {Shape{2, 1, 1, 1}, Shape{2, 2, 1, 1}}, {"the mask"});
+  expect_rejected("Upsample", upsample, {Shape{1, 3, 1, 1}, Shape{1, 2, 1, 1}}, {"the mask"});
+}
+
 TEST(Upsample, UndoesAPoolingOfAnySize) {
   const Tensor image{Shape{1, 1, 3, 3}, {1, 9, 2, 3, 4, 5, 8, 6, 7}};
   const auto pooled = run_layer({.type = "Pooling",

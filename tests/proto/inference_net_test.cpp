@@ -264,6 +264,89 @@ TEST(InferenceNet, ProposalsInPythonBecomeProposals) {
                   "feat_stride: 16 ratio: [0.333, 2] scale: 3");
 }
 
+TEST(InferenceNet, LayersInPythonOfPublicForks) {
+  const auto python = [](const std::string& from, const std::string& param_str = "",
+                         const std::string& bottoms = "bottom: 'b'") {
+    const size_t dot = from.rfind('.');
+    return "layer { name: 'l' type: 'Python' " + bottoms + " top: 't' python_param { module: '" +
+           from.substr(0, dot) + "' layer: '" + from.substr(dot + 1) + "' param_str: \"" +
+           param_str + "\" } }";
+  };
+  const auto becomes = [&](const std::string& before, const std::string& type,
+                           const std::string& param) {
+    const auto warnings = expect_net(
+        before, "layer { name: 'l' type: '" + type + "' bottom: 'b' top: 't' " + param + " }");
+    ASSERT_EQ(warnings.size(), 1U);
+    EXPECT_HAS(warnings[0], ") is now a " + type);
+  };
+  becomes(python("yolov2.darknet_reorg"), "Reorg", "reorg_param { stride: 2 }");
+  becomes(python("interp.UpsamplingBilinear2d", "{'zoom_factor':2}"), "Upsample",
+          "upsample_param { scale: 2 }");
+  becomes(python("spatial_dropout.SpatialDropoutLayer", "{'phase': 'TEST', 'p': '0.2'}"), "Power",
+          "power_param { scale: 1.25 }");
+  becomes(python("triplet.l2norm_layer.L2NormLayer"), "Normalize",
+          "normalize_param { normalize_type: 'L2' } norm_param { eps: 1e-36 }");
+  expect_net(python("concat_layer.layer.PythonConcatLayer", "", "bottom: 'a' bottom: 'b'"),
+             "layer { name: 'l/cropped' type: 'Crop' bottom: 'a' bottom: 'b' top: 'l/cropped' "
+             "crop_param { offset: 0 } }"
+             "layer { name: 'l' type: 'Concat' bottom: 'l/cropped' bottom: 'b' top: 't' }");
+  for (const std::string& same :
+       {python("other.darknet_reorg"), python("interp.UpsamplingBilinear2d", "{'zoom_factor':1.5}"),
+        python("interp.UpsamplingBilinear2d", "{'zoom': 2}"),
+        python("spatial_dropout.SpatialDropoutLayer", "{'phase': 'TRAIN', 'p': '0.2'}"),
+        python("spatial_dropout.SpatialDropoutLayer", "{'phase': 'TEST', 'p': '1'}")})
+    EXPECT_TRUE(expect_net(same, same).empty());
+}
+
+TEST(InferenceNet, LayersInPythonThatWriteNothingAreLeftOut) {
+  const std::string reads =
+                        "layer { name: 'show' type: 'Python' bottom: 'b' python_param { "
+                        "module: 'm' layer: 'Show' } }",
+                    relu = "layer { name: 'r' type: 'ReLU' bottom: 'b' top: 't' }";
+  EXPECT_EQ(expect_net(reads + relu, relu),
+            std::vector<std::string>{
+                "net: layer 'show' (Python: Show) is left out, because it writes no blob"});
+  EXPECT_EQ(parse_net(reads, "net", {.keep_python = true}).net.layer_size(), 1);
+}
+
+/// pycaffe's callers reshape such inputs before they run the net.
+TEST(InferenceNet, InputsOfRegionsHaveAllTheirNumbers) {
+  const auto net = [](const std::string& type, int numbers, const std::string& between = "") {
+    return str(
+        "layer { name: 'i' type: 'Input' top: 'map' top: 'rows' input_param { shape { dim: "
+        "[1, 8, 4, 4] } shape { dim: [1, ",
+        numbers, "] } } }", between, "layer { name: 'p' type: '", type, "' bottom: 'map' ",
+        type == "Proposal" ? "bottom: 'map' " : "", "bottom: 'rows' top: 't' }");
+  };
+  for (const auto& [type, numbers] :
+       {std::pair{"ROIPooling", 5}, {"PSROIPooling", 5}, {"Proposal", 3}}) {
+    const auto warnings = expect_net(net(type, numbers - 1), net(type, numbers));
+    ASSERT_EQ(warnings.size(), 1U);
+    EXPECT_HAS(warnings[0], str("input 'rows' has ", numbers, " numbers in a row"));
+    for (const int other : {numbers, numbers - 2, numbers + 1})
+      EXPECT_TRUE(expect_net(net(type, other), net(type, other)).empty());
+  }
+  const std::string written =
+      net("ROIPooling", 4, "layer { type: 'ReLU' bottom: 'map' top: 'rows' }");
+  EXPECT_TRUE(expect_net(written, written).empty());
+}
+
+/// Its settings are in no prototxt.
+TEST(InferenceNet, FrcnnProposalHasSettingsOfFasterRcnn) {
+  const std::string head =
+                        "layer { name: 'p' type: 'FrcnnProposal' bottom: 's' bottom: 'o' bottom: "
+                        "'i' top: 'r' ",
+                    given = head + "proposal_param { anchor: [0, 0, 1, 1] } }";
+  const auto warnings = expect_net(
+      head + "}", head +
+                      "proposal_param { feat_stride: 16 base_size: 16 min_size: 16 pre_nms_topn: "
+                      "6000 post_nms_topn: 300 nms_thresh: 0.7 ratio: [0.5, 1, 2] scale: [8, "
+                      "16, 32] } }");
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_HAS(warnings[0], "layer 'p' (FrcnnProposal) has no proposal_param");
+  EXPECT_TRUE(expect_net(given, given).empty());
+}
+
 TEST(InferenceNet, OtherLayersInPythonStay) {
   const auto expect_same = [](const std::string& net) {
     EXPECT_TRUE(expect_net(net, net).empty());

@@ -306,6 +306,46 @@ TEST(Upgrade, OfSynopsysFork) {
     }
 }
 
+/// Each in the words of the other layer that computes it.
+TEST(Upgrade, LayersOfForksThatAnotherLayerComputes) {
+  const auto layer = [](const std::string& type, const std::string& param, int bottoms = 1) {
+    std::string text = "layer { name: 'l' type: '" + type + "' top: 't' ";
+    for (int i = 0; i < bottoms; ++i) text += str("bottom: 'b", i, "' ");
+    return text + param + " }";
+  };
+  // (ln 5 - ln 3) / (5 - 3)
+  expect_upgrade(layer("Insanity", "insanity_param { lb: 3 ub: 5 }"),
+                 layer("ReLU", "relu_param { negative_slope: 0.25541282 }"));
+  expect_upgrade(layer("BReLU", "brelu_param { maxval: 2 }"),
+                 layer("Clip", "clip_param { min: 0 max: 2 }"));
+  expect_upgrade(layer("PoolingND", "pooling_nd_param { pool: AVE kernel_size: 2 stride: 3 }"),
+                 layer("Pooling",
+                       "pooling_param { pool: AVE kernel_size: 2 stride: 3 "
+                       "kernel_size_nd: [2, 2, 2] stride_nd: [3, 3, 3] }"));
+  expect_upgrade(
+      layer("Reshape", "reshape_param { shape { dim: 1 } pixelshuffler: 2 }"),
+      layer("DepthToSpace", "depth_to_space_param { block_size: 2 data_format: 'CRD' }"));
+  const std::string twice = "scale_height: 2 scale_width: 2 ";
+  expect_upgrade(layer("ResizeNearestNeighbor",
+                       "resize_nearest_neighbor_param { data_format: 'NCHW' " + twice + "}"),
+                 layer("Upsample", "upsample_param { scale: 2 }"));
+  const std::string sizes = "kernel_size: 2 stride: 2 unpool_h: 5 unpool_w: 7 }";
+  for (const std::string type : {"Unpooling", "UnPooling"})
+    expect_upgrade(layer(type, "unpooling_param { " + sizes, 2),
+                   layer("Upsample", "upsample_param { upsample_h: 5 upsample_w: 7 }", 2));
+  expect_upgrade(
+      "layers { name: 'l' type: UNPOOLING bottom: 'b0' bottom: 'b1' top: 't' "
+      "unpooling_param { unpool: MAX unpool_size: 4 } }",
+      layer("Upsample", "upsample_param { upsample_h: 4 upsample_w: 4 }", 2));
+  for (const std::string& same :
+       {layer("Unpooling", "unpooling_param { unpool: AVE " + sizes, 2),
+        layer("Unpooling", "unpooling_param { " + sizes), layer("Unpooling", "", 2),
+        layer("PoolingND", "pooling_nd_param { kernel_size: 2 pad: 1 }"),
+        layer("Insanity", "insanity_param { lb: -3 }"),
+        layer("ResizeNearestNeighbor", "resize_nearest_neighbor_param { " + twice + "}")})
+    expect_upgrade(same, same);
+}
+
 TEST(UpgradeV1, EveryTypeHasItsName) {
   const std::map<std::string, std::string> irregular = {{"NONE", ""},
                                                         {"ABSVAL", "AbsVal"},

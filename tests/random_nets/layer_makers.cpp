@@ -600,6 +600,22 @@ void reorg(Builder& b, const char* type) {
   b.add(type, {x}, str("reorg_param { stride: ", stride, " reverse: ", flag(b), " }"));
 }
 
+void depth_to_space(Builder& b, const char* type) {
+  const int64_t block = b.random.between(1, 3);
+  const size_t x = b.add("Convolution", {b.of_rank(4, 4)},
+                         str("convolution_param { kernel_size: 1 num_output: ",
+                             b.random.between(1, 3) * block * block, " }"));
+  b.add(type, {x},
+        str("depth_to_space_param { block_size: ", block, " data_format: '",
+            b.random.chance(0.5) ? "NCHW" : "CRD", "' }"));
+}
+
+void mul(Builder& b, const char* type) {
+  const size_t x = b.of_rank(4, 4);
+  const size_t a = b.add("Pooling", {x}, "pooling_param { pool: AVE global_pooling: true }");
+  b.add(type, b.random.chance(0.5) ? Ids{x, a} : Ids{a, x});
+}
+
 void tile(Builder& b, const char* type) {
   const size_t x = b.of_rank(1);
   b.add(type, {x},
@@ -878,6 +894,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"CTCGreedyDecoder", 1, ctc_greedy_decoder},
       {"DecodeBBox", 1, decode_bbox},
       {"Deconvolution", 3, convolution},
+      {"DepthToSpace", 1, depth_to_space},
       {"DepthwiseConvolution", 3, depthwise_convolution},
       {"DetectionOutput", 2, detection_output},
       {"Dropout", 2, dropout},
@@ -891,6 +908,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Flatten", 3, flatten},
       {"Flip", 1, flip},
       {"FrcnnProposal", 1, frcnn_proposal},
+      {"HardSwish", 1, elementwise},
       {"Im2col", 1, im2col},
       {"InnerProduct", 3, inner_product},
       {"Interp", 2, interp},
@@ -899,6 +917,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"LSTM", 1, recurrent},
       {"Lstm", 1, rows_lstm},
       {"Mish", 2, elementwise},
+      {"Mul", 1, mul},
       {"MVN", 2, mvn},
       {"Normalize", 2, normalize},
       {"Parameter", 1, parameter},

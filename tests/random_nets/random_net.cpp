@@ -202,6 +202,7 @@ bool rounds(const caffe::LayerParameter& layer) {
                                             "Crop",
                                             "CropCenter",
                                             "DetectionOutput",
+                                            "DepthToSpace",
                                             "Dropout",
                                             "DummyData",
                                             "Filter",

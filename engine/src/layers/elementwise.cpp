@@ -336,6 +336,12 @@ std::unique_ptr<Layer> make_exp(const caffe::LayerParameter& param) {
   return elementwise("exp", [inner, outer](float x) { return std::exp(inner * x) * outer; });
 }
 
+std::unique_ptr<Layer> make_hard_swish(const caffe::LayerParameter&) {
+  return elementwise("hard-swish", [](float x) {
+    return static_cast<float>(x * std::min(std::max(x + 3.0, 0.0), 6.0) / 6.0);
+  });
+}
+
 std::unique_ptr<Layer> make_log(const caffe::LayerParameter& param) {
   const caffe::LogParameter& log = param.log_param();
   const float scale = log.scale(), shift = neutral_if_zero(log.shift());
@@ -427,6 +433,7 @@ constinit const LayerEntries kElementwiseLayers = {
      "product, weighted sum, maximum"},
     {"ELU", make_elu, "Caffe", "exponential linear unit"},
     {"Exp", make_exp, "Caffe", "base ^ (shift + scale x)"},
+    {"HardSwish", make_hard_swish, "Synopsys", "x min(max(x + 3, 0), 6) / 6"},
     {"Log", make_log, "Caffe", "log_base(shift + scale x)"},
     {"Mish", make_mish, "YOLOv4", "x tanh(ln(1 + exp x))"},
     {"Power", make_power, "Caffe", "(shift + scale x) ^ power"},

@@ -259,20 +259,27 @@ class CropCenter : public OneToOneLayer {
   std::vector<int64_t> cut_;
 };
 
-class Tile : public OneToOneLayer {
+/// A second input (alenaliu/PPR-FCN) has an item for each tile.
+class Tile : public Layer {
  public:
   explicit Tile(const caffe::TileParameter& param) : param_(param) {
     if (param.tiles() < 1)
       throw InputError("tiles must be given and at least 1, found ", param.tiles());
   }
 
-  Shape output_shape(const Shape& input) const override {
-    const size_t axis = *only_axis(input);
-    return input.with(axis, input[axis] * param_.tiles());
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_1_or_2(inputs.size(), "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    const size_t axis = *only_axis(inputs[0]);
+    return {inputs[0].with(axis, inputs[0][axis] * tiles(inputs))};
   }
 
   std::optional<size_t> only_axis(const Shape& input) const override {
     return input.canonical_axis(param_.axis(), "tile axis");
+  }
+
+  bool keeps_items(size_t port, const std::vector<Shape>& inputs) const override {
+    return port == 0 && only_axis(inputs[0]) > 0U;
   }
 
   Kernel bind(const Binding& binding) const override {
@@ -280,10 +287,15 @@ class Tile : public OneToOneLayer {
     const size_t axis = *only_axis(input);
     const int64_t run = input.product(axis, input.rank());
     return copy_kernel(
-        "copy", {{input.product(0, axis), param_.tiles(), run}, {run, 0, 1}, 0, binding.threads});
+        "copy",
+        {{input.product(0, axis), tiles(binding.inputs), run}, {run, 0, 1}, 0, binding.threads});
   }
 
  private:
+  int64_t tiles(const std::vector<Shape>& inputs) const {
+    return inputs.size() == 2 && inputs[1].rank() > 0 ? inputs[1][0] : param_.tiles();
+  }
+
   caffe::TileParameter param_;
 };
 

@@ -58,10 +58,11 @@ void normalize(const NormalizeProblem& p, const float* input, const float* scale
   });
 }
 
-/// L2 normalization of SSD (Liu et al. 2016), with a trained scale.
+/// L2 normalization of SSD (Liu et al. 2016), with a trained scale, or of NormFace, without.
 class Normalize : public OneToOneLayer {
  public:
-  explicit Normalize(const caffe::NormalizeParameter& param) : param_(param) {}
+  explicit Normalize(const caffe::NormalizeParameter& param, bool is_scaled = true)
+      : param_(param), is_scaled_(is_scaled) {}
 
   Shape output_shape(const Shape& input) const override {
     if (input.rank() < 2)
@@ -70,6 +71,7 @@ class Normalize : public OneToOneLayer {
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
+    if (!is_scaled_) return {};
     return {param_.channel_shared() ? Shape{} : Shape{inputs[0][1]}};
   }
 
@@ -88,7 +90,8 @@ class Normalize : public OneToOneLayer {
     problem.channel_shared = param_.channel_shared();
     problem.eps = param_.eps();
     problem.threads = binding.threads;
-    const float* scale = binding.weights[0].values.data();
+    static constexpr float kOne = 1;
+    const float* scale = is_scaled_ ? binding.weights[0].values.data() : &kOne;
     return {"l2-normalize", [problem, scale](const Call& call) {
               normalize(problem, call.inputs[0], scale, call.outputs[0]);
             }};
@@ -96,7 +99,23 @@ class Normalize : public OneToOneLayer {
 
  private:
   caffe::NormalizeParameter param_;
+  bool is_scaled_;
 };
+
+/// NormFace's layer (happynear/caffe-windows, normalize_layer.cpp) has a normalize_type, first in
+/// softmax_param, and normalizes each pixel. Any other is SSD's.
+std::unique_ptr<Layer> make_normalize(const Parameters& param) {
+  const bool early = param.softmax_param().has_normalize_type();
+  if (!early && !param.has_normalize_param())
+    return std::make_unique<Normalize>(param.norm_param());
+  const std::string& type =
+      early ? param.softmax_param().normalize_type() : param.normalize_param().normalize_type();
+  if (type != "L2") throw UnsupportedError("normalize_type '", type, "' is not supported (L2)");
+  caffe::NormalizeParameter of_pixels;
+  of_pixels.set_across_spatial(false);
+  of_pixels.set_eps(param.has_norm_param() ? param.norm_param().eps() : 1e-6F);
+  return std::make_unique<Normalize>(of_pixels, false);
+}
 
 class Mvn : public OneToOneLayer {
  public:
@@ -190,7 +209,10 @@ class Lrn : public OneToOneLayer {
 
 class Softmax : public OneToOneLayer {
  public:
-  explicit Softmax(const caffe::SoftmaxParameter& param) : axis_(param.axis()) {}
+  explicit Softmax(const caffe::SoftmaxParameter& param) : axis_(param.axis()) {
+    if (param.has_normalize_type() && param.normalize_type() != "Softmax")
+      throw UnsupportedError("normalize_type '", param.normalize_type(), "' is not supported");
+  }
 
   Shape output_shape(const Shape& input) const override {
     only_axis(input);
@@ -227,8 +249,8 @@ constinit const LayerEntries kNormalizeLayers = {
     {"LRN", make<Lrn, &Parameters::lrn_param>, "Caffe",
      "local response normalization, across or within channels"},
     {"MVN", make<Mvn, &Parameters::mvn_param>, "Caffe", "mean and variance normalization"},
-    {"Normalize", make<Normalize, &Parameters::norm_param>, "SSD",
-     "L2 normalization with a trained scale", kTrained},
+    {"Normalize", make_normalize, "SSD, NormFace", "L2 normalization, SSD's with a trained scale",
+     kTrained},
     {"Softmax", make<Softmax, &Parameters::softmax_param>, "Caffe", "softmax along an axis"},
 };
 

@@ -107,11 +107,20 @@ class ShuffleChannel : public OneToOneLayer {
 ///   reverse:   `[n][s][s][c][h][w]` -> `[n][c][h][s][w][s]`
 ///   otherwise: `[n][c][h][s][w][s]` -> `[n][s][s][c][h][w]`, where the s^2 c channels, h and w are
 ///   those of the input, not of the output, so that pixels of several channels and rows mix.
-/// Synopsys' fork (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) swaps rows and columns.
+/// Synopsys' fork (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) swaps rows and columns. Its
+/// DepthToSpace is the reverse in NCHW; CRD, the pixelshuffler of its Reshape, is
+/// `[n][c][s][s][h][w]` -> `[n][c][h][s][w][s]`.
 class Reorg : public OneToOneLayer {
  public:
-  explicit Reorg(const caffe::ReorgParameter& param)
-      : stride_(param.stride()), reverse_(param.reverse()) {
+  explicit Reorg(const caffe::ReorgParameter& param) : Reorg(param.stride(), param.reverse()) {}
+  explicit Reorg(const caffe::DepthToSpaceParameter& param)
+      : Reorg(param.block_size(), true, param.data_format() == "CRD") {
+    const std::string& format = param.data_format();
+    if (format != "NCHW" && format != "DCR" && format != "CRD")
+      throw UnsupportedError("data_format '", format, "' is not supported (NCHW, DCR or CRD)");
+  }
+  Reorg(int64_t stride, bool reverse, bool channels_first = false)
+      : stride_(stride), reverse_(reverse), channels_first_(channels_first) {
     if (stride_ < 1) throw InputError("stride must be at least 1");
   }
 
@@ -138,14 +147,16 @@ class Reorg : public OneToOneLayer {
     const int64_t s = stride_, n = input[0], h = input[2], w = input[3], c = input[1] / (s * s);
     const int64_t image = input.product(1, 4);
     const std::vector<int64_t> from{image, w * s, 1, s * w * h * s, s * w * s, s},
-        back{image, h * w, w, s * c * h * w, 1, c * h * w};
+        grouped{image, s * s * h * w, w, s * h * w, 1, h * w},
+        apart{image, h * w, w, s * c * h * w, 1, c * h * w};
+    const auto& back = channels_first_ ? grouped : apart;
     const auto shape = reverse_ ? std::vector{n, c, h, s, w, s} : std::vector{n, s, s, c, h, w};
     return copy_kernel("reorganize", {shape, reverse_ ? back : from, 0, binding.threads});
   }
 
  private:
   int64_t stride_;
-  bool reverse_;
+  bool reverse_, channels_first_;
 };
 
 /// Reverse: tianzhi0549/CTPN, reverse_layer.cpp: one axis, by default 0. Synopsys' fork
@@ -225,6 +236,8 @@ class Reverse : public OneToOneLayer {
 }  // namespace
 
 constinit const LayerEntries kPermuteLayers = {
+    {"DepthToSpace", make<Reorg, &Parameters::depth_to_space_param>, "Synopsys",
+     "moves channels to pixels of blocks"},
     {"Flip", make<Reverse, &Parameters::flip_param>, "caffe-windows", "mirrors images"},
     {"Permute", make<Permute, &Parameters::permute_param>, "SSD", "reorders axes"},
     {"Reorg", make<Reorg, &Parameters::reorg_param>, "YOLOv2",

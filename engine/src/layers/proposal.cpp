@@ -123,7 +123,7 @@ class Proposal : public Layer {
       : param_(layer.proposal_param()),
         is_of_python_(layer.has_python_param() || layer.type() == "FrcnnProposal") {
     const auto is_size = [](float size) { return size > 0 && std::isfinite(size); };
-    if (layer.type() == "FrcnnProposal" && param_.anchor().empty())
+    if (layer.type() == "FrcnnProposal" && param_.anchor().empty() && param_.ratio().empty())
       throw InputError(
           "its anchors and settings are in the JSON file of makefile/frcnn; add them: "
           "proposal_param { feat_stride: 16 min_size: 16 pre_nms_topn: 6000 "

@@ -164,7 +164,10 @@ class Upsample : public Layer {
     expect_count(n_outputs, 1, "outputs");
     const Shape& input = inputs[0];
     expect_image(input, "Upsample");
-    if (inputs.size() == 2 && inputs[1] != input)
+    // DeconvNet's takes the first channels of a longer mask.
+    if (inputs.size() == 2 && inputs[1] != input &&
+        (input[0] != 1 || inputs[1].rank() != 4 || inputs[1][1] < input[1] ||
+         inputs[1].with(1, input[1]) != input))
       throw InputError("the mask must have the shape of the input, ", input, ", found ", inputs[1]);
     const auto [h, w] = inputs.size() == 2 ? masked_size(input) : repeated_size(input);
     return {Shape{input[0], input[1], h, w}};

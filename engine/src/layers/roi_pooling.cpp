@@ -95,10 +95,13 @@ void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois,
 }
 
 /// Returns bin `i` of `n` of a region from `first` to `last`. Bins have fractional bounds and
-/// include all pixels that they touch (daijifeng001/caffe-rfcn, psroi_pooling_layer.cu).
-WindowRange bin_of_parts(float first, float last, float scale, int64_t i, int64_t n,
+/// include all pixels that they touch (daijifeng001/caffe-rfcn, psroi_pooling_layer.cu). Regions
+/// grow by `pad_ratio` of their size at each end (xujinchang/py-R-FCN-multiGPU).
+WindowRange bin_of_parts(float first, float last, const RoiPoolingProblem& p, int64_t i, int64_t n,
                          int64_t image) {
-  const float start = std::round(first) * scale, end = (std::round(last) + 1) * scale;
+  const float pad = p.pad_ratio == 0 ? 0 : (last - first + 1) * p.pad_ratio;
+  const float start = std::round(first - pad) * p.scale,
+              end = (std::round(last + pad) + 1) * p.scale;
   const float size = std::max(end - start, 0.1F) / static_cast<float>(n);
   const int64_t begin = whole(std::floor(static_cast<float>(i) * size + start));
   return {begin, whole(std::ceil(static_cast<float>(i + 1) * size + start)) - begin, image};
@@ -121,9 +124,8 @@ void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* roi
       [&](const float* roi, const float* image, float* out, int64_t first, int64_t last) {
         const int64_t bins = p.out_h * p.out_w;
         for (int64_t i = 0; i < bins; ++i) {
-          const WindowRange rows = bin_of_parts(roi[2], roi[4], p.scale, i / p.out_w, p.out_h, p.h),
-                            columns =
-                                bin_of_parts(roi[1], roi[3], p.scale, i % p.out_w, p.out_w, p.w);
+          const WindowRange rows = bin_of_parts(roi[2], roi[4], p, i / p.out_w, p.out_h, p.h),
+                            columns = bin_of_parts(roi[1], roi[3], p, i % p.out_w, p.out_w, p.w);
           const int64_t n_rows = rows.end - rows.begin, n_columns = columns.end - columns.begin;
           const bool empty = n_rows <= 0 || n_columns <= 0 ||
                              (object && !(is_shared(rows, object[2], object[4], p.scale, p.h) &&
@@ -266,6 +268,7 @@ class PsRoiPooling : public RegionLayer {
     if (param.output_dim() < 1 || param.group_size() < 1)
       throw InputError("output_dim and group_size must be at least 1");
     if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
+    if (!std::isfinite(param.pad_ratio())) throw InputError("pad_ratio must be finite");
     expect_int(int64_t{param.group_size()} * param.group_size(), "the square of group_size");
   }
 
@@ -279,8 +282,9 @@ class PsRoiPooling : public RegionLayer {
   }
 
   Kernel bind(const Binding& binding) const override {
-    return {"psroi-average-pool", [p = problem(binding, param_.spatial_scale()),
-                                   has_object = has_object_](const Call& call) {
+    RoiPoolingProblem p = problem(binding, param_.spatial_scale());
+    p.pad_ratio = param_.pad_ratio();
+    return {"psroi-average-pool", [p, has_object = has_object_](const Call& call) {
               psroi_pool(p, call.inputs[0], call.inputs[1], has_object ? call.inputs[2] : nullptr,
                          call.outputs[0]);
             }};

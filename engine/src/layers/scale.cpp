@@ -168,12 +168,41 @@ class Axpy : public Layer {
   }
 };
 
+/// Synopsys' fork (synopsys-caffe, mul_layer.cpp) with a factor for each channel of an image, in
+/// either input; its Mul repeats any axis of size 1.
+class Mul : public Layer {
+ public:
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 2, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    const size_t map = inputs[0].elements() < inputs[1].elements() ? 1 : 0;
+    const Shape &x = inputs[map], &a = inputs[1 - map];
+    if (x.rank() != 4 || a != Shape{x[0], x[1], 1, 1})
+      throw UnsupportedError("expected n x c x h x w and n x c x 1 x 1, found ", inputs[0], " and ",
+                             inputs[1]);
+    return {x};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const size_t map = binding.inputs[0] == binding.outputs[0] ? 0 : 1;
+    const Shape& x = binding.outputs[0];
+    const AxisRuns runs{1, x[0] * x[1], x[2] * x[3]};
+    return {"multiply", [runs, map, threads = binding.threads](const Call& call) {
+              const float *in = call.inputs[map], *factors = call.inputs[1 - map];
+              for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
+                for (int64_t i = begin; i < end; ++i) call.outputs[0][i] = in[i] * factors[channel];
+              });
+            }};
+  }
+};
+
 }  // namespace
 
 constinit const LayerEntries kScaleLayers = {
     {"Axpy", make<Axpy>, "SENet", "a x + y, a per channel"},
     {"Bias", make<Affine, &Parameters::bias_param>, "Caffe", "adds a trained or given blob",
      kTrained},
+    {"Mul", make<Mul>, "Synopsys", "a x, a per channel"},
     {"Scale", make<Affine, &Parameters::scale_param>, "Caffe",
      "multiplies by a trained or given blob", kTrained},
 };

@@ -208,6 +208,7 @@ class DetectionOutput : public Layer {
     const caffe::NonMaximumSuppressionParameter& nms = param.nms_param();
     if (!(nms.nms_threshold() >= 0)) throw InputError("nms_threshold must not be negative");
     if (nms.soft_nms()) throw InputError("soft_nms is not supported");
+    if (param.no_permute()) throw InputError("no_permute needs 2 x nbottom + 1 inputs");
     if (!(nms.eta() > 0 && nms.eta() <= 1)) throw InputError("eta must be above 0 and at most 1");
   }
 
