@@ -396,6 +396,14 @@ TEST(LoopWriter, FramesMayBeTimeStamps) {
   }
 }
 
+TEST(LoopWriter, SaysWhyItCannotWrite) {
+  for (const std::string format : {"csv", "jsonl"}) {
+    std::ofstream full("/dev/full");
+    test::expect_error<Error>([&] { LoopWriter(full, format).write({}); },
+                              {"cannot write the loops: No space left on device"});
+  }
+}
+
 TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
   const auto result =
       run_ok(loops("--threshold 0 --tum " + path("r.tum") + " --g2o " + path("r.g2o")));

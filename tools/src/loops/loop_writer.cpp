@@ -2,6 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <cerrno>
+#include <cstring>
 #include <numbers>
 #include <ostream>
 
@@ -145,17 +147,23 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
 
 LoopWriter::LoopWriter(std::ostream& out, const std::string& format)
     : out_(out), json_(format == "jsonl") {
+  errno = 0;
   if (!json_) csv_table().print_csv(out_);
-  out_.flush();
+  flush();
 }
 
 void LoopWriter::write(const reports::LoopLine& loop) {
+  errno = 0;
   if (json_)
     out_ << json_of(loop) << "\n";
   else
     Table(cells_of(loop)).print_csv(out_);
-  out_.flush();
-  if (!out_) throw Error("cannot write the loops");
+  flush();
+}
+
+void LoopWriter::flush() {
+  if (!out_.flush())
+    throw Error("cannot write the loops: ", errno != 0 ? std::strerror(errno) : "write error");
 }
 
 }  // namespace revisit::cli
