@@ -198,10 +198,6 @@ void replace_python_layers(caffe::NetParameter& net, bool keep_python,
     const bool is_python = layer.type() == "Python";
     const std::string start = str("layer '", layer.name(), "' (", is_python ? "Python: " : "",
                                   is_python ? layer.python_param().layer() : layer.type(), ") ");
-    if (is_python && !keep_python && layer.top().empty()) {
-      warnings.push_back(start + "is left out, because it writes no blob");
-      continue;
-    }
     if (is_python && !keep_python && give_type(layer)) {
       if (layer.type() == "Concat") *result.add_layer() = crop_before(layer);
       warnings.push_back(str(start, "is now a ", layer.type()));

@@ -298,17 +298,6 @@ TEST(InferenceNet, LayersInPythonOfPublicForks) {
     EXPECT_TRUE(expect_net(same, same).empty());
 }
 
-TEST(InferenceNet, LayersInPythonThatWriteNothingAreLeftOut) {
-  const std::string reads =
-                        "layer { name: 'show' type: 'Python' bottom: 'b' python_param { "
-                        "module: 'm' layer: 'Show' } }",
-                    relu = "layer { name: 'r' type: 'ReLU' bottom: 'b' top: 't' }";
-  EXPECT_EQ(expect_net(reads + relu, relu),
-            std::vector<std::string>{
-                "net: layer 'show' (Python: Show) is left out, because it writes no blob"});
-  EXPECT_EQ(parse_net(reads, "net", {.keep_python = true}).net.layer_size(), 1);
-}
-
 /// pycaffe's callers reshape such inputs before they run the net.
 TEST(InferenceNet, InputsOfRegionsHaveAllTheirNumbers) {
   const auto net = [](const std::string& type, int numbers, const std::string& between = "") {
