@@ -368,7 +368,7 @@ TEST(DetectionOutput, OfSynopsysPermutesItsInputs) {
   const TempDir folder;
   write_file(folder / "net.prototxt", text);
   const Net net = Net::load_without_weights(folder / "net.prototxt");
-  Run run(net.plan());
+  engine::Run run(net.plan());
   for (const auto& [name, tensor] : {std::pair<std::string, const Tensor&>{"c1", maps[0]},
                                      {"c2", maps[1]},
                                      {"l1", maps[2]},
