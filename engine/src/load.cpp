@@ -152,8 +152,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
       if (node.layer) check_in_place(net->graph, node);
     });
     if (const std::string how = ambiguity_of(node.param); !how.empty())
-      net->warnings.push_back(
-          str(net->file, ": layer '", node.name, "' (", node.param.type(), ") is computed ", how));
+      net->warnings.push_back(str(place_of(net->file, node), " is computed ", how));
   }
 
   net->sensitive = sensitive_values(net->graph);

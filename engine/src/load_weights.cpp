@@ -173,21 +173,21 @@ class Loader {
       values = initial_weights(node.param, place.blob, weights_[place.node][place.blob].shape,
                                mixed_bits(seed + static_cast<uint64_t>(node.index)));
     } catch (const InputError& error) {
-      throw InputError(place_text(net_.file, place.node), ": ", error);
+      throw InputError(place_of(net_.file, node), ": ", error);
     }
     fill(group, place, node.name, place.blob, std::move(values));
   }
 
   void check(const std::string& file, size_t node, const std::vector<proto::Blob>& blobs) const {
     const std::vector<Tensor>& weights = weights_[node];
+    const std::string place = place_of(file, net_.graph.nodes[node]);
     // A file can lack trailing blobs that it stores under another layer, which shares them.
     size_t n_expected = weights.size();
     while (n_expected > blobs.size() &&
            !parameter_of(net_.graph.nodes[node], n_expected - 1).empty())
       --n_expected;
     if (blobs.size() != n_expected)
-      throw InputError(place_text(file, node), ": expected ", weights.size(), " blobs, found ",
-                       blobs.size(), "; ",
+      throw InputError(place, ": expected ", weights.size(), " blobs, found ", blobs.size(), "; ",
                        weights.size() == 3 && blobs.size() == 5 &&
                                net_.graph.nodes[node].param.type() == "BatchNorm"
                            ? "with scale and bias, as in NVIDIA's fork, it needs batch_norm_param "
@@ -195,24 +195,18 @@ class Loader {
                            : "these weights belong to another network");
     for (size_t b = 0; b < blobs.size(); ++b)
       if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
-        throw InputError(place_text(file, node), " blob ", b, ": expected shape ", weights[b].shape,
-                         ", found ", shape_text(blobs[b].shape),
-                         "; these weights belong to another network");
+        throw InputError(place, " blob ", b, ": expected shape ", weights[b].shape, ", found ",
+                         shape_text(blobs[b].shape), "; these weights belong to another network");
   }
 
   void put(const Place& place, const std::string& layer, size_t blob, std::vector<float> values) {
     Tensor& weight = weights_[place.node][place.blob];
     if (values.size() != static_cast<size_t>(weight.shape.elements()))
-      throw InputError(place_text(path_, place.node), " blob ", place.blob, ": shares blob ", blob,
-                       " of layer '", layer, "', which has ", values.size(), " values instead of ",
-                       weight.shape.elements());
+      throw InputError(place_of(path_, net_.graph.nodes[place.node]), " blob ", place.blob,
+                       ": shares blob ", blob, " of layer '", layer, "', which has ", values.size(),
+                       " values instead of ", weight.shape.elements());
     weight.values = std::move(values);
     filled_.insert(place);
-  }
-
-  std::string place_text(const std::string& file, size_t node) const {
-    const Node& n = net_.graph.nodes[node];
-    return str(file, ": layer '", n.name, "' (", n.param.type(), ")");
   }
 
   const Net::Impl& net_;
@@ -283,8 +277,8 @@ void check_sharing(const Net::Impl& net) {
           static_cast<int>(b) < node.param.param_size() &&
           node.param.param(static_cast<int>(b)).share_mode() == caffe::ParamSpec::PERMISSIVE;
       if (permissive ? owned.elements() != shape.elements() : owned != shape)
-        throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(), ") blob ", b,
-                         " is ", shape, ", but it shares the parameter '", group, "' with layer '",
+        throw InputError(place_of(net.file, node), " blob ", b, " is ", shape,
+                         ", but it shares the parameter '", group, "' with layer '",
                          owner->second.first->name, "', where it is ", owned);
     }
   }
@@ -297,10 +291,10 @@ void warn_of_statistics(Net::Impl& net, const Node& node) {
   const auto& mean = weights[0].values;
   if (weights[2].values.at(0) != 0 || std::ranges::all_of(mean, [](float m) { return m == 0; }))
     return;
-  net.warnings.push_back(str(
-      net.file, ": layer '", node.name, "' (BatchNorm): its correction (blob 2) is 0, although ",
-      "its mean is not: as in Caffe, it computes x / sqrt(eps); if NVIDIA's fork wrote the ",
-      "weights, write 1 into blob 2"));
+  net.warnings.push_back(
+      str(place_of(net.file, node), ": its correction (blob 2) is 0, although ",
+          "its mean is not: as in Caffe, it computes x / sqrt(eps); if NVIDIA's fork wrote the ",
+          "weights, write 1 into blob 2"));
 }
 
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,

@@ -63,6 +63,9 @@ struct Net::Impl {
 /// Input layers by blob name. Throws InputError with the layer.
 std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string, Shape>& inputs);
 
+/// "FILE: layer 'NAME' (TYPE)".
+std::string place_of(const std::string& file, const Node& node);
+
 /// Does `work`; its InputError or UnsupportedError gets file and layer in front of its message.
 void at_layer(const std::string& file, const Node& node, const std::function<void()>& work);
 

@@ -182,8 +182,7 @@ void check_weight_bytes(const Net::Impl& net, int64_t limit) {
   for (const Node& node : net.graph.nodes) {
     for (const Tensor& weight : *node.weights) bytes += bytes_of(weight.shape);
     if (bytes <= limit) continue;
-    throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(),
-                     "): the weights up to here take ", bytes / kMegabyte,
+    throw InputError(place_of(net.file, node), ": the weights up to here take ", bytes / kMegabyte,
                      " MB, more than the limit of ", limit / kMegabyte,
                      " MB (raise the limit of weights); check its num_output and kernel size");
   }

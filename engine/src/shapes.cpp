@@ -100,16 +100,17 @@ std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<
   return result;
 }
 
+std::string place_of(const std::string& file, const Node& node) {
+  return str(file, ": layer '", node.name, "' (", node.param.type(), ")");
+}
+
 void at_layer(const std::string& file, const Node& node, const std::function<void()>& work) {
-  const auto place = [&] {
-    return str(file, ": layer '", node.name, "' (", node.param.type(), "): ");
-  };
   try {
     work();
   } catch (const UnsupportedError& error) {
-    throw UnsupportedError(place(), error);
+    throw UnsupportedError(place_of(file, node), ": ", error);
   } catch (const InputError& error) {
-    throw InputError(place(), error);
+    throw InputError(place_of(file, node), ": ", error);
   }
 }
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
-#include <string_view>
+#include <regex>
 
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
@@ -13,68 +13,46 @@ namespace revisit::proto {
 namespace {
 
 using Numbers = std::vector<float>;
-using Parameters = std::map<std::string_view, Numbers>;
+using Parameters = std::map<std::string, Numbers>;
 
-/// Parses the subset of YAML in such layers: quoted keys with numbers or lists of numbers, in
-/// braces or one per line.
-class ParamStr {
- public:
-  explicit ParamStr(std::string_view text)
-      : rest_(text.substr(0, text.find_last_not_of(" \n") + 1)) {}
+constexpr size_t kLongest = 1000;  // std::regex takes stack for each character of a text
 
-  std::optional<Parameters> parse() {
-    Parameters all;
-    const bool braces = accept("{");
-    do {
-      const std::string_view key = quoted();
-      Numbers value;
-      if (key.empty() || !accept(":") || !parse_value(value) || !all.emplace(key, value).second)
-        return std::nullopt;
-    } while (braces ? accept(",") : accept("\n"));
-    if ((braces && !accept("}")) || !rest_.empty()) return std::nullopt;
-    return all;
+std::optional<float> number_of(const std::string& text) {
+  float number = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, number);
+  return error == std::errc() && stop == end ? std::optional(number) : std::nullopt;
+}
+
+/// Reads the subset of YAML in such layers: quoted keys with numbers or lists of numbers, in braces
+/// or one per line. Returns nullopt for any other text.
+std::optional<Parameters> parameters_of(std::string text) {
+  static const std::regex kNumber(R"([-+.\w]+)"),
+      kEntry(R"re( *(?:'([^']+)'|"([^"]+)") *: *(?:!!python/tuple)? *)re"
+             R"((\[ *[-+.\w]+ *(?:, *[-+.\w]+ *)*(?:, *)?\]|[-+.\w]+) *)");
+  text.erase(text.find_last_not_of(" \n") + 1);
+  text.erase(0, text.find_first_not_of(' '));
+  const bool braces = text.starts_with('{');
+  if (text.size() > kLongest || text.ends_with('}') != braces) return std::nullopt;
+  Parameters all;
+  std::smatch entry;
+  for (auto at = text.cbegin() + braces;; ++at) {
+    const auto end = text.cend() - braces;
+    if (!std::regex_search(at, end, entry, kEntry, std::regex_constants::match_continuous))
+      return std::nullopt;
+    Numbers& numbers = all[entry[1].str() + entry[2].str()];
+    if (!numbers.empty()) return std::nullopt;  // the key is there twice
+    for (std::sregex_iterator found(entry[3].first, entry[3].second, kNumber), none; found != none;
+         ++found) {
+      const auto number = number_of(found->str());
+      if (!number) return std::nullopt;
+      numbers.push_back(*number);
+    }
+    at = entry[0].second;
+    if (at == end) return all;
+    if (*at != (braces ? ',' : '\n')) return std::nullopt;
   }
-
- private:
-  bool accept(std::string_view token) {
-    while (rest_.starts_with(' ')) rest_.remove_prefix(1);
-    if (!rest_.starts_with(token)) return false;
-    rest_.remove_prefix(token.size());
-    while (rest_.starts_with(' ')) rest_.remove_prefix(1);
-    return true;
-  }
-
-  std::string_view quoted() {
-    const char* quote = accept("'") ? "'" : accept("\"") ? "\"" : nullptr;
-    const size_t end = quote ? rest_.find(*quote) : std::string_view::npos;
-    if (end == std::string_view::npos) return {};
-    const std::string_view text = rest_.substr(0, end);
-    rest_.remove_prefix(end + 1);
-    return text;
-  }
-
-  bool parse_value(Numbers& value) {
-    accept("!!python/tuple");
-    if (!accept("[")) return parse_number(value);
-    do {
-      if (!value.empty() && accept("]")) return true;  // trailing comma
-      if (!parse_number(value)) return false;
-    } while (accept(","));
-    return accept("]");
-  }
-
-  bool parse_number(Numbers& value) {
-    float number = 0;
-    const auto [end, error] = std::from_chars(rest_.data(), rest_.data() + rest_.size(), number);
-    if (error != std::errc()) return false;
-    rest_.remove_prefix(end - rest_.data());
-    value.push_back(number);
-    accept("");
-    return true;
-  }
-
-  std::string_view rest_;
-};
+}
 
 /// Parameters of a ProposalLayer with `scales`, or of sanghoon/pva-faster-rcnn's with `ratios`,
 /// too, or of makefile/frcnn's FrcnnProposal, whose settings are in no prototxt; nullopt for any
@@ -88,8 +66,7 @@ std::optional<caffe::ProposalParameter> proposal_of(const caffe::LayerParameter&
   if (!(is_bare || is_python) || layer.bottom_size() != 3 || layer.top_size() < 1 ||
       layer.top_size() > 2)
     return std::nullopt;
-  const std::string text = is_bare ? "'feat_stride': 16" : python.param_str();
-  auto given = ParamStr(text).parse();
+  auto given = parameters_of(is_bare ? "'feat_stride': 16" : python.param_str());
   if (!given) return std::nullopt;
   const auto take = [&](const char* key, const Numbers& absent) {
     const auto found = given->extract(key);
@@ -123,16 +100,12 @@ caffe::LayerParameter crop_before(caffe::LayerParameter& concat) {
   return crop;
 }
 
-/// Number of `key` in the text of a Python dictionary, also if it is quoted.
-std::optional<float> number_of(std::string_view text, const std::string& key) {
-  size_t at = text.find(key + "':");
-  if (at == std::string_view::npos) at = text.find(key + "\":");
-  at = at == std::string_view::npos ? at : text.find_first_not_of(" '\"", at + key.size() + 2);
-  float number = 0;
-  if (at == std::string_view::npos ||
-      std::from_chars(text.data() + at, text.data() + text.size(), number).ec != std::errc())
-    return std::nullopt;
-  return number;
+/// Number of `key` in the text of a Python dictionary, also if it is quoted; 0 if there is none.
+float number_in(const std::string& text, const std::string& key) {
+  std::smatch found;
+  const std::regex value(key + R"(['"]:[ '"]*([-+.\w]+))");
+  if (text.size() > kLongest || !std::regex_search(text, found, value)) return 0;
+  return number_of(found[1]).value_or(0);
 }
 
 /// Gives a Python layer of a public fork a type that computes the same; false for any other.
@@ -143,12 +116,12 @@ bool give_type(caffe::LayerParameter& layer) {
     layer.mutable_reorg_param()->set_stride(2);
     layer.set_type("Reorg");
   } else if (from == "interp.UpsamplingBilinear2d") {  // jasonlovescoding/YOLOv3-caffe: nearest
-    const float zoom = number_of(text, "zoom_factor").value_or(0);
+    const float zoom = number_in(text, "zoom_factor");
     if (!(zoom >= 1 && zoom <= 1e6F) || zoom != std::floor(zoom)) return false;
     layer.mutable_upsample_param()->set_scale(static_cast<uint32_t>(zoom));
     layer.set_type("Upsample");
   } else if (from == "spatial_dropout.SpatialDropoutLayer") {  // ENet: scales in all phases
-    const float p = number_of(text, "p").value_or(0);
+    const float p = number_in(text, "p");
     if (!(p > 0 && p < 1) || text.find("'TRAIN'") != std::string::npos) return false;
     layer.mutable_power_param()->set_scale(1 / (1 - p));
     layer.set_type("Power");

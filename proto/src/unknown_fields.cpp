@@ -1,76 +1,48 @@
 #include <algorithm>
 #include <array>
-#include <cctype>
-#include <utility>
+#include <sstream>
 #include <vector>
 
 #include "net_text.h"
 #include "revisit/base/error.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
 namespace {
 
-/// Layer type, in lower case without underscores, and its fork.
-using TypeOfFork = std::pair<std::string_view, std::string_view>;
-
-constexpr std::string_view kFasterRcnn = "Faster R-CNN (rbgirshick/caffe-fast-rcnn)";
-constexpr std::string_view kMscnn = "MS-CNN (zhaoweicai/mscnn)";
-constexpr std::string_view kOcr = "Caffe OCR (senlinuc/caffe_ocr)";
-constexpr std::string_view kDeepLab = "DeepLab (bitbucket.org/aquariusjay/deeplab-public-ver2)";
-constexpr std::string_view kRfcn = "R-FCN (daijifeng001/caffe-rfcn)";
-constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
-constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
-constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
-
-constexpr std::array<TypeOfFork, 47> kTypes = {{
-    {"annotateddata", kSsd},
-    {"bboxreg", kMscnn},
-    {"channelnorm", kFlowNet},
-    {"colormap", "FCN (fcn.berkeleyvision.org)"},
-    {"correlation", kFlowNet},
-    {"correlation1d", kFlowNet},
-    {"crop", "FCN (longjon/caffe), and its offset cannot be computed"},
-    {"ctcdecoder", kOcr},
-    {"customdata", kFlowNet},
-    {"deconvolution3d", "C3D (facebook/C3D)"},
-    {"deformableconvolution", "Deformable ConvNets (unsky/Deformable-ConvNets-caffe)"},
-    {"deformablepsroipooling", "Deformable ConvNets (unsky/Deformable-ConvNets-caffe)"},
-    {"densecrf", kDeepLab},
-    {"denseimagedata", "SegNet (alexgkendall/caffe-segnet)"},
-    {"detectionaccuracy", kMscnn},
-    {"detectionevaluate", kSsd},
-    {"detectionloss", kMscnn},
-    {"domaintransform", kDeepLab},
-    {"downsample", kFlowNet},
-    {"evaldetection", "YOLO (yeahkun/caffe-yolo)"},
-    {"flowwarp", kFlowNet},
-    {"imagegtdata", kMscnn},
-    {"imagesegdata", kDeepLab},
-    {"l1loss", kFlowNet},
-    {"l2normalize", "NetVLAD and others"},
-    {"labelspecificaffine", "L-Softmax and others"},
-    {"lstmunit", "Caffe itself, internal to its LSTM"},
-    {"mean", kFlowNet},
-    {"molgriddata", "gnina (gnina/gnina)"},
-    {"multiboxloss", kSsd},
-    {"multistagemeanfield", "CRF-as-RNN (torrvision/crfasrnn)"},
-    {"noisylayer", "LightCNN (AlfredXiangWu/face_verification_experiment)"},
-    {"pooling3d", "C3D (facebook/C3D), whose padded pooling is not supported"},
-    {"proposaltarget", kMscnn},
-    {"psroialign", kRfcn},
-    {"regionloss", kYolo},
-    {"regionoutput", kYolo},
-    {"resample", kFlowNet},
-    {"segaccuracy", kDeepLab},
-    {"smoothl1loss", kFasterRcnn},
-    {"spatialtransformer", "ST-CNN (daerduoCarey/SpatialTransformerLayer)"},
-    {"st", "ST-CNN (daerduoCarey/SpatialTransformerLayer)"},
-    {"warpctc", kOcr},
-    {"yoloaccuracy", "YOLO (yeahkun/caffe-yolo)"},
-    {"yoloseg", kYolo},
-    {"yolov3", kYolo},
-    {"yolov3loss", kYolo},
+/// A fork and its layer types, in lower case without underscores.
+struct Fork {
+  std::string_view name, types;
+};
+constexpr std::array<Fork, 22> kForks = {{
+    {"C3D (facebook/C3D)", "deconvolution3d"},
+    {"C3D (facebook/C3D), whose padded pooling is not supported", "pooling3d"},
+    {"Caffe itself, internal to its LSTM", "lstmunit"},
+    {"Caffe OCR (senlinuc/caffe_ocr)", "ctcdecoder warpctc"},
+    {"CRF-as-RNN (torrvision/crfasrnn)", "multistagemeanfield"},
+    {"DeepLab (bitbucket.org/aquariusjay/deeplab-public-ver2)",
+     "densecrf domaintransform imagesegdata segaccuracy"},
+    {"Deformable ConvNets (unsky/Deformable-ConvNets-caffe)",
+     "deformableconvolution deformablepsroipooling"},
+    {"Faster R-CNN (rbgirshick/caffe-fast-rcnn)", "smoothl1loss"},
+    {"FCN (fcn.berkeleyvision.org)", "colormap"},
+    {"FCN (longjon/caffe), and its offset cannot be computed", "crop"},
+    {"FlowNet (lmb-freiburg/flownet2)",
+     "channelnorm correlation correlation1d customdata downsample flowwarp l1loss mean resample"},
+    {"gnina (gnina/gnina)", "molgriddata"},
+    {"L-Softmax and others", "labelspecificaffine"},
+    {"LightCNN (AlfredXiangWu/face_verification_experiment)", "noisylayer"},
+    {"MobileNet-YOLO (eric612/MobileNet-YOLO)",
+     "regionloss regionoutput yoloseg yolov3 yolov3loss"},
+    {"MS-CNN (zhaoweicai/mscnn)",
+     "bboxreg detectionaccuracy detectionloss imagegtdata proposaltarget"},
+    {"NetVLAD and others", "l2normalize"},
+    {"R-FCN (daijifeng001/caffe-rfcn)", "psroialign"},
+    {"SegNet (alexgkendall/caffe-segnet)", "denseimagedata"},
+    {"SSD (weiliu89/caffe)", "annotateddata detectionevaluate multiboxloss"},
+    {"ST-CNN (daerduoCarey/SpatialTransformerLayer)", "spatialtransformer st"},
+    {"YOLO (yeahkun/caffe-yolo)", "evaldetection yoloaccuracy"},
 }};
 
 using google::protobuf::Descriptor;
@@ -132,9 +104,9 @@ bool is_number_type(std::string_view field) {
 }
 
 /// Prefers parameters of layers of `type`.
-std::string parameters_with(const std::string& field, const Descriptor& message, std::string type) {
+std::string parameters_with(const std::string& field, const Descriptor& message,
+                            const std::string& type) {
   if (!is_layer(message)) return "";
-  std::ranges::transform(type, type.begin(), [](unsigned char c) { return std::tolower(c); });
   std::string found;
   for (int i = 0; i < message.field_count(); ++i) {
     const std::string& name = message.field(i)->name();
@@ -144,7 +116,7 @@ std::string parameters_with(const std::string& field, const Descriptor& message,
       continue;
     std::string its_type = name.substr(0, name.size() - kParam.size());
     std::erase(its_type, '_');
-    if (found.empty() || its_type == type) found = name;
+    if (found.empty() || its_type == lower(type)) found = name;
   }
   return found;
 }
@@ -153,11 +125,14 @@ std::string parameters_with(const std::string& field, const Descriptor& message,
 
 std::string fork_of(std::string_view name) {
   if (name.ends_with("_param")) name.remove_suffix(std::string_view("_param").size());
-  std::string key(name);
+  std::string key = lower(std::string(name));
   std::erase(key, '_');
-  std::ranges::transform(key, key.begin(), [](unsigned char c) { return std::tolower(c); });
-  const auto* const found = std::ranges::find(kTypes, key, &TypeOfFork::first);
-  return found == kTypes.end() ? "" : std::string(found->second);
+  for (const Fork& fork : kForks) {
+    std::istringstream types{std::string(fork.types)};
+    for (std::string type; types >> type;)
+      if (type == key) return std::string(fork.name);
+  }
+  return "";
 }
 
 std::string unknown_field(const std::string& field, const Descriptor& message,

@@ -94,30 +94,26 @@ void upgrade_inputs(caffe::NetParameter& net, ShapelessInputs inputs,
 }
 
 /// Older nets have learning rates for the three statistics blobs of BatchNorm; sets them to 0.
-void upgrade_batch_norm(caffe::NetParameter& net) {
-  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
-    if (layer.type() != "BatchNorm" || layer.param_size() != 3) continue;
-    for (caffe::ParamSpec& param : *layer.mutable_param()) {
-      param.set_lr_mult(0);
-      param.set_decay_mult(0);
-    }
+void upgrade_batch_norm(caffe::LayerParameter& layer) {
+  if (layer.type() != "BatchNorm" || layer.param_size() != 3) return;
+  for (caffe::ParamSpec& param : *layer.mutable_param()) {
+    param.set_lr_mult(0);
+    param.set_decay_mult(0);
   }
 }
 
 /// Converts `hole` of DeepLab's convolutions to dilation. Contradictory values stay.
-void upgrade_holes(caffe::NetParameter& net) {
-  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
-    if (!layer.has_convolution_param()) continue;
-    caffe::ConvolutionParameter& param = *layer.mutable_convolution_param();
-    const bool hw = param.has_hole_h() && param.has_hole_w();
-    const bool one_of_hw = param.has_hole_h() != param.has_hole_w();
-    if (one_of_hw || param.has_hole() == hw || param.dilation_size() > 0) continue;
-    param.add_dilation(hw ? param.hole_h() : param.hole());
-    if (hw) param.add_dilation(param.hole_w());
-    param.clear_hole();
-    param.clear_hole_h();
-    param.clear_hole_w();
-  }
+void upgrade_hole(caffe::LayerParameter& layer) {
+  if (!layer.has_convolution_param()) return;
+  caffe::ConvolutionParameter& param = *layer.mutable_convolution_param();
+  const bool hw = param.has_hole_h() && param.has_hole_w();
+  const bool one_of_hw = param.has_hole_h() != param.has_hole_w();
+  if (one_of_hw || param.has_hole() == hw || param.dilation_size() > 0) return;
+  param.add_dilation(hw ? param.hole_h() : param.hole());
+  if (hw) param.add_dilation(param.hole_w());
+  param.clear_hole();
+  param.clear_hole_h();
+  param.clear_hole_w();
 }
 
 /// Moves pads of single sides to those of both. The engine rejects contradictory ones, which stay.
@@ -137,17 +133,15 @@ void upgrade_pads(Param& p, bool has_pad) {
 
 /// Converts what Synopsys' fork (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) has for
 /// TensorFlow's nets.
-void upgrade_synopsys(caffe::NetParameter& net) {
-  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
-    if (layer.type() == "ReLU" && layer.relu_param().relu6()) {
-      layer.set_type("ReLU6");
-      layer.mutable_relu_param()->clear_relu6();
-    }
-    if (layer.has_convolution_param())
-      upgrade_pads(*layer.mutable_convolution_param(), layer.convolution_param().pad_size() > 0);
-    if (layer.has_pooling_param())
-      upgrade_pads(*layer.mutable_pooling_param(), layer.pooling_param().has_pad());
+void upgrade_synopsys(caffe::LayerParameter& layer) {
+  if (layer.type() == "ReLU" && layer.relu_param().relu6()) {
+    layer.set_type("ReLU6");
+    layer.mutable_relu_param()->clear_relu6();
   }
+  if (layer.has_convolution_param())
+    upgrade_pads(*layer.mutable_convolution_param(), layer.convolution_param().pad_size() > 0);
+  if (layer.has_pooling_param())
+    upgrade_pads(*layer.mutable_pooling_param(), layer.pooling_param().has_pad());
 }
 
 /// DetectionOutput of Synopsys' fork with `no_permute` reads confidences [class][ratio][pixel] and
@@ -242,42 +236,40 @@ void set_axes(Repeated* field, uint32_t depth, uint32_t height_width) {
 
 /// Converts layers of C3D and P3D for volumes [n][c][depth][h][w]. Its padded pooling has other
 /// output sizes than Caffe's, and stays.
-void upgrade_volumes(caffe::NetParameter& net) {
-  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
-    if (layer.type() == "Convolution3D") {
-      if (layer.has_convolution3d_param())
-        layer.mutable_convolution_param()->Swap(layer.mutable_convolution3d_param());
-      caffe::ConvolutionParameter& p = *layer.mutable_convolution_param();
-      if (p.kernel_size_size() != 1 || p.pad_size() > 1 || p.stride_size() > 1) continue;
-      set_axes(p.mutable_kernel_size(), p.kernel_depth(), p.kernel_size(0));
-      set_axes(p.mutable_stride(), p.temporal_stride(), p.stride_size() > 0 ? p.stride(0) : 1);
-      set_axes(p.mutable_pad(), p.temporal_pad(), p.pad_size() > 0 ? p.pad(0) : 0);
-      p.clear_kernel_depth(), p.clear_temporal_stride();
-      p.clear_temporal_pad(), p.clear_filter_group();
-      layer.clear_convolution3d_param();
-      layer.set_type("Convolution");
-    } else if (layer.type() == "Pooling3D") {
-      if (layer.has_pooling3d_param())
-        layer.mutable_pooling_param()->Swap(layer.mutable_pooling3d_param());
-      caffe::PoolingParameter& p = *layer.mutable_pooling_param();
-      layer.clear_pooling3d_param();
-      if (p.pad() > 0 || p.pad_l() > 0) continue;
-      set_axes(p.mutable_kernel_size_nd(), p.has_kernel_l() ? p.kernel_l() : p.kernel_depth(),
-               p.kernel_size());
-      set_axes(p.mutable_stride_nd(), p.has_stride_l() ? p.stride_l() : p.temporal_stride(),
-               p.stride());
-      p.clear_kernel_depth(), p.clear_temporal_stride();
-      p.clear_kernel_l(), p.clear_stride_l(), p.clear_pad_l();
-      layer.set_type("Pooling");
-    } else if (layer.type() == "PoolingND") {  // 3D-Caffe: the same size along all axes
-      caffe::PoolingParameter& p = *layer.mutable_pooling_nd_param();
-      if (p.pad() > 0 || p.global_pooling()) continue;
-      set_axes(p.mutable_kernel_size_nd(), p.kernel_size(), p.kernel_size());
-      set_axes(p.mutable_stride_nd(), p.stride(), p.stride());
-      layer.mutable_pooling_param()->Swap(&p);
-      layer.clear_pooling_nd_param();
-      layer.set_type("Pooling");
-    }
+void upgrade_volume(caffe::LayerParameter& layer) {
+  if (layer.type() == "Convolution3D") {
+    if (layer.has_convolution3d_param())
+      layer.mutable_convolution_param()->Swap(layer.mutable_convolution3d_param());
+    caffe::ConvolutionParameter& p = *layer.mutable_convolution_param();
+    if (p.kernel_size_size() != 1 || p.pad_size() > 1 || p.stride_size() > 1) return;
+    set_axes(p.mutable_kernel_size(), p.kernel_depth(), p.kernel_size(0));
+    set_axes(p.mutable_stride(), p.temporal_stride(), p.stride_size() > 0 ? p.stride(0) : 1);
+    set_axes(p.mutable_pad(), p.temporal_pad(), p.pad_size() > 0 ? p.pad(0) : 0);
+    p.clear_kernel_depth(), p.clear_temporal_stride();
+    p.clear_temporal_pad(), p.clear_filter_group();
+    layer.clear_convolution3d_param();
+    layer.set_type("Convolution");
+  } else if (layer.type() == "Pooling3D") {
+    if (layer.has_pooling3d_param())
+      layer.mutable_pooling_param()->Swap(layer.mutable_pooling3d_param());
+    caffe::PoolingParameter& p = *layer.mutable_pooling_param();
+    layer.clear_pooling3d_param();
+    if (p.pad() > 0 || p.pad_l() > 0) return;
+    set_axes(p.mutable_kernel_size_nd(), p.has_kernel_l() ? p.kernel_l() : p.kernel_depth(),
+             p.kernel_size());
+    set_axes(p.mutable_stride_nd(), p.has_stride_l() ? p.stride_l() : p.temporal_stride(),
+             p.stride());
+    p.clear_kernel_depth(), p.clear_temporal_stride();
+    p.clear_kernel_l(), p.clear_stride_l(), p.clear_pad_l();
+    layer.set_type("Pooling");
+  } else if (layer.type() == "PoolingND") {  // 3D-Caffe: the same size along all axes
+    caffe::PoolingParameter& p = *layer.mutable_pooling_nd_param();
+    if (p.pad() > 0 || p.global_pooling()) return;
+    set_axes(p.mutable_kernel_size_nd(), p.kernel_size(), p.kernel_size());
+    set_axes(p.mutable_stride_nd(), p.stride(), p.stride());
+    layer.mutable_pooling_param()->Swap(&p);
+    layer.clear_pooling_nd_param();
+    layer.set_type("Pooling");
   }
 }
 
@@ -406,10 +398,9 @@ void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, AmbiguousCrops cr
   upgrade_data_transform(net);
   upgrade_v1(net);
   upgrade_inputs(net, inputs, warnings);
-  upgrade_batch_norm(net);
-  upgrade_holes(net);
-  upgrade_volumes(net);
-  upgrade_synopsys(net);
+  for (caffe::LayerParameter& layer : *net.mutable_layer())
+    for (const auto step : {upgrade_batch_norm, upgrade_hole, upgrade_volume, upgrade_synopsys})
+      step(layer);
   upgrade_twins(net);
   find_crop_offsets(net, crops, blame, warnings);
 }

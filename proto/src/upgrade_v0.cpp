@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <map>
 #include <sstream>
 
 #include "net_text.h"
+#include "revisit/base/text.h"
 #include "upgrade.h"
 
 namespace revisit::proto {
@@ -84,8 +84,7 @@ bool carry_over(const V0& v0, const FieldDescriptor& field, const LayerKind& kin
     return true;
   }
   const std::string name = renamed(field.name(), kind.fields);
-  std::string message = V1::LayerType_Name(kind.v1) + "_param";
-  std::ranges::transform(message, message.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string message = lower(V1::LayerType_Name(kind.v1)) + "_param";
   return !name.empty() && merge_field(v0, field, message, name, v1);
 }
 

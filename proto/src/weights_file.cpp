@@ -133,14 +133,13 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
   WireReader reader(cursor, begin, end);
   for (WireField field; reader.next(field);) {
     const bool is_run = field.type == WireType::kLength;
+    const bool is_data =
+        field.number == kData || (field.number == kDataOfC3d && sizes_seen == kAllSizesOfC3d);
     if (field.type == WireType::kVarint && field.number >= kNum && field.number <= kWidthOfC3d) {
       legacy[field.number - kNum] = static_cast<int32_t>(field.value);
       blob.legacy_shape |= field.number != kWidthOfC3d;
       sizes_seen |= 1U << (field.number - kNum);
-    } else if (sizes_seen == kAllSizesOfC3d && field.number == kDataOfC3d &&
-               (is_run || field.type == WireType::kFixed32)) {
-      append<float>(cursor, field, blob.data);
-    } else if (field.number == kData && (is_run || field.type == WireType::kFixed32)) {
+    } else if (is_data && (is_run || field.type == WireType::kFixed32)) {
       append<float>(cursor, field, blob.data);
     } else if (field.number == kDoubleData && (is_run || field.type == WireType::kFixed64)) {
       append<double>(cursor, field, doubles);

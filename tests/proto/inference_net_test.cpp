@@ -262,6 +262,17 @@ TEST(InferenceNet, ProposalsInPythonBecomeProposals) {
                   "feat_stride: 16 ratio: [0.5, 1, 2] scale: [4, 8]");
   expect_proposal("{'feat_stride': 16, 'ratios': [0.333, 2], 'scales': [3]}",
                   "feat_stride: 16 ratio: [0.333, 2] scale: 3");
+  expect_proposal("  { \\\"feat_stride\\\" : !!python/tuple [ 16 , ] } \\n ",
+                  "feat_stride: 16 ratio: [0.5, 1, 2] scale: [8, 16, 32]");
+  const std::string most = "'feat_stride': 16" + std::string(984, ' ');  // of 1001 characters
+  for (const std::string& other : std::vector<std::string>{
+           "", "feat_stride: 16", "'feat_stride' 16", "{'feat_stride': 16", "'feat_stride': 16}",
+           "{'feat_stride': 16,}", "'feat_stride': 16, 'scales': [8]",
+           "'feat_stride': 16\\n\\n'scales': [8]", "'feat_stride': 16x",
+           "'feat_stride': 16\\n'feat_stride': 16", "'feat_stride': []", "'feat_stride': [16, 8]",
+           "'feat_stride': [16", "'feat_stride': [16,,]", "'feat_stride': 1e99",
+           "'feat_stride': 16\\n'other': 1", most + "\\n'scales': [8]"})
+    EXPECT_TRUE(expect_net(python_proposal(other), python_proposal(other)).empty()) << other;
 }
 
 TEST(InferenceNet, LayersInPythonOfPublicForks) {

@@ -1,7 +1,6 @@
 #include "revisit/weights_conversion/known_models.h"
 
 #include <algorithm>
-#include <cctype>
 
 #include "own_nets.h"
 #include "revisit/base/error.h"
@@ -13,12 +12,6 @@ namespace {
 constexpr std::array<double, 3> kVggMeanBgr = {102.717, 115.773, 123.509};
 constexpr std::array<double, 3> kRoundMeanBgr = {104, 117, 123};
 
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
-
 // Checksums come from public sources, because no address could be reached for verification.
 // Entries without `file` use the last component of the address.
 std::vector<KnownModel> table() {
@@ -26,30 +19,50 @@ std::vector<KnownModel> table() {
   const std::vector<std::string> kAlexNetCuts = {"conv3+pool5", "conv4+pool5", "pool5"};
   const std::vector<std::string> kVggCuts = {"conv4+pool5", "conv3+pool5", "pool5"};
   const std::vector<std::string> kPlacesCuts = {"pool5", "pool4+pool5", "pool3+pool5"};
+  const char* const kVggNotes = "mean as VGG_CNN_S: one mean image for the whole release";
+  const auto bvlc = [](KnownModel model) {
+    const std::string folder = str("models/", model.name);
+    model.address = str("http://dl.caffe.berkeleyvision.org/", model.name, ".caffemodel");
+    model.sha1_source = str(folder, "/readme.md of github.com/BVLC/caffe");
+    model.license = "unrestricted";
+    model.prototxt_address = str("https://github.com/BVLC/caffe, ", folder, "/deploy.prototxt");
+    return model;
+  };
+  const auto places = [&](const char* name, const char* archive) {
+    return KnownModel{
+        .name = name,
+        .address = str("http://places.csail.mit.edu/model/", archive, "_upgraded.tar.gz"),
+        .license = "not stated; see places.csail.mit.edu",
+        .input_size = 227,
+        .cuts = kAlexNetCuts,
+        .prototxt_address = "in the archive",
+        .notes = "archive with prototxt, weights and mean image"};
+  };
+  const auto vgg = [](KnownModel model, const char* gist) {
+    model.address =
+        "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/" + model.file;
+    model.license = "non-commercial";
+    model.mean_bgr = kVggMeanBgr;
+    model.input_size = 224;
+    model.prototxt_address = str("https://gist.github.com/ksimonyan/", gist);
+    return model;
+  };
   return {
-      {.name = "bvlc_alexnet",
-       .address = "http://dl.caffe.berkeleyvision.org/bvlc_alexnet.caffemodel",
-       .sha1 = "9116a64c0fbe4459d18f4bb6b56d647b63920377",
-       .sha1_source = "models/bvlc_alexnet/readme.md of github.com/BVLC/caffe",
-       .license = "unrestricted",
-       .mean_bgr = kIlsvrcMeanBgr,
-       .input_size = 227,
-       .cuts = kAlexNetCuts,
-       .own_net = "alexnet",
-       .prototxt_address = "https://github.com/BVLC/caffe, models/bvlc_alexnet/deploy.prototxt"},
-      {.name = "vgg_cnn_s",
-       .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
-                  "VGG_CNN_S.caffemodel",
-       .sha1 = "862b3744bce69b7ba90d29b8099aed3b00c8580b",
-       .sha1_source = "one third-party source only",
-       .sha1_is_doubtful = true,
-       .license = "non-commercial",
-       .mean_bgr = kVggMeanBgr,
-       .input_size = 224,
-       .cuts = kVggCuts,
-       .own_net = "vgg_cnn_s",
-       .prototxt_address = "https://gist.github.com/ksimonyan/fd8800eeb36e276cd6f9",
-       .notes = "mean image: VGG_mean.binaryproto in the same folder"},
+      bvlc({.name = "bvlc_alexnet",
+            .sha1 = "9116a64c0fbe4459d18f4bb6b56d647b63920377",
+            .mean_bgr = kIlsvrcMeanBgr,
+            .input_size = 227,
+            .cuts = kAlexNetCuts,
+            .own_net = "alexnet"}),
+      vgg({.name = "vgg_cnn_s",
+           .file = "VGG_CNN_S.caffemodel",
+           .sha1 = "862b3744bce69b7ba90d29b8099aed3b00c8580b",
+           .sha1_source = "one third-party source only",
+           .sha1_is_doubtful = true,
+           .cuts = kVggCuts,
+           .own_net = "vgg_cnn_s",
+           .notes = "mean image: VGG_mean.binaryproto in the same folder"},
+          "fd8800eeb36e276cd6f9"),
       {.name = "places_cnds8",
        .address = "https://drive.google.com/file/d/0B_s0NuQ5DMW_SUZCOUV2amY3ZkU/view",
        .file = "8conv3fc_CNDS.caffemodel",
@@ -70,18 +83,13 @@ std::vector<KnownModel> table() {
        .prototxt_address = "comes with the copy",
        .notes = "no public address is known for this copy; the layers of DeepScale's release have "
                 "other names"},
-      {.name = "bvlc_reference_caffenet",
-       .address = "http://dl.caffe.berkeleyvision.org/bvlc_reference_caffenet.caffemodel",
-       .sha1 = "4c8d77deb20ea792f84eb5e6d0a11ca0a8660a46",
-       .sha1_source = "models/bvlc_reference_caffenet/readme.md of github.com/BVLC/caffe",
-       .license = "unrestricted",
-       .mean_bgr = kIlsvrcMeanBgr,
-       .input_size = 227,
-       .cuts = kAlexNetCuts,
-       .own_net = "caffenet",
-       .prototxt_address =
-           "https://github.com/BVLC/caffe, models/bvlc_reference_caffenet/deploy.prototxt",
-       .notes = "AlexNet with pooling before normalization"},
+      bvlc({.name = "bvlc_reference_caffenet",
+            .sha1 = "4c8d77deb20ea792f84eb5e6d0a11ca0a8660a46",
+            .mean_bgr = kIlsvrcMeanBgr,
+            .input_size = 227,
+            .cuts = kAlexNetCuts,
+            .own_net = "caffenet",
+            .notes = "AlexNet with pooling before normalization"}),
       {.name = "squeezenet_v1.1",
        .address = "https://raw.githubusercontent.com/DeepScale/SqueezeNet/"
                   "b5c3f1a23713c8b3fd7b801d229f6b04c64374a5/SqueezeNet_v1.1/"
@@ -94,38 +102,18 @@ std::vector<KnownModel> table() {
        .cuts = {"pool5", "fire8/concat"},
        .prototxt_address =
            "https://github.com/DeepScale/SqueezeNet, SqueezeNet_v1.1/deploy.prototxt"},
-      {.name = "places205_alexnet",
-       .address = "http://places.csail.mit.edu/model/placesCNN_upgraded.tar.gz",
-       .license = "not stated; see places.csail.mit.edu",
-       .input_size = 227,
-       .cuts = kAlexNetCuts,
-       .prototxt_address = "in the archive",
-       .notes = "archive with prototxt, weights and mean image"},
-      {.name = "hybrid_alexnet",
-       .address = "http://places.csail.mit.edu/model/hybridCNN_upgraded.tar.gz",
-       .license = "not stated; see places.csail.mit.edu",
-       .input_size = 227,
-       .cuts = kAlexNetCuts,
-       .prototxt_address = "in the archive",
-       .notes = "archive with prototxt, weights and mean image"},
-      {.name = "vgg_cnn_m_2048",
-       .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
-                  "VGG_CNN_M_2048.caffemodel",
-       .license = "non-commercial",
-       .mean_bgr = kVggMeanBgr,
-       .input_size = 224,
-       .cuts = kAlexNetCuts,
-       .prototxt_address = "https://gist.github.com/ksimonyan/78047f3591446d1d7b91",
-       .notes = "mean as VGG_CNN_S: one mean image for the whole release"},
-      {.name = "vgg_cnn_f",
-       .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
-                  "VGG_CNN_F.caffemodel",
-       .license = "non-commercial",
-       .mean_bgr = kVggMeanBgr,
-       .input_size = 224,
-       .cuts = kAlexNetCuts,
-       .prototxt_address = "https://gist.github.com/ksimonyan/a32c9063ec8e1118221a",
-       .notes = "mean as VGG_CNN_S: one mean image for the whole release"},
+      places("places205_alexnet", "placesCNN"),
+      places("hybrid_alexnet", "hybridCNN"),
+      vgg({.name = "vgg_cnn_m_2048",
+           .file = "VGG_CNN_M_2048.caffemodel",
+           .cuts = kAlexNetCuts,
+           .notes = kVggNotes},
+          "78047f3591446d1d7b91"),
+      vgg({.name = "vgg_cnn_f",
+           .file = "VGG_CNN_F.caffemodel",
+           .cuts = kAlexNetCuts,
+           .notes = kVggNotes},
+          "a32c9063ec8e1118221a"),
       {.name = "vgg16",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/very_deep/caffe/"
                   "VGG_ILSVRC_16_layers.caffemodel",
@@ -134,15 +122,11 @@ std::vector<KnownModel> table() {
        .input_size = 224,
        .cuts = {"conv4_3+pool5", "pool5"},
        .prototxt_address = "https://gist.github.com/ksimonyan/211839e770f7b538e2d8"},
-      {.name = "bvlc_googlenet",
-       .address = "http://dl.caffe.berkeleyvision.org/bvlc_googlenet.caffemodel",
-       .sha1 = "405fc5acd08a3bb12de8ee5e23a96bec22f08204",
-       .sha1_source = "models/bvlc_googlenet/readme.md of github.com/BVLC/caffe",
-       .license = "unrestricted",
-       .mean_bgr = kRoundMeanBgr,
-       .input_size = 224,
-       .cuts = {"pool4/3x3_s2"},
-       .prototxt_address = "https://github.com/BVLC/caffe, models/bvlc_googlenet/deploy.prototxt"},
+      bvlc({.name = "bvlc_googlenet",
+            .sha1 = "405fc5acd08a3bb12de8ee5e23a96bec22f08204",
+            .mean_bgr = kRoundMeanBgr,
+            .input_size = 224,
+            .cuts = {"pool4/3x3_s2"}}),
   };
 }
 

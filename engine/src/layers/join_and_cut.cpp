@@ -53,9 +53,43 @@ std::string hint_for(const Shape& a, const Shape& b) {
                  : "";
 }
 
-class Concat : public Layer {
+/// Joins the inputs, or cuts the input into the outputs.
+class AlongAxis : public Layer {
  public:
-  explicit Concat(const caffe::ConcatParameter& param) : param_(param) {
+  std::optional<size_t> only_axis(const Shape& input) const override {
+    return input.canonical_axis(axis_, joins_ ? "concat axis" : "slice axis");
+  }
+
+  Rounding rounding() const override { return Rounding::kNone; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    if (inputs[0].rank() != 4 || only_axis(inputs[0]) != 1U) return {};
+    return joins_ ? Form(Joining{}) : Form(Cutting{});
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const std::vector<Shape>& parts = joins_ ? binding.inputs : binding.outputs;
+    const size_t axis = *only_axis(parts[0]);
+    const int64_t outer = parts[0].product(0, axis);
+    std::vector<int64_t> sizes;
+    for (const Shape& part : parts) sizes.push_back(part.product(axis, part.rank()));
+    Kernel kernel = joins_ ? join_kernel(outer, sizes) : cut_kernel(outer, sizes, binding.threads);
+    if (binding.reference_kernels) kernel.aliasing = Aliasing::kNone;
+    return kernel;
+  }
+
+ protected:
+  AlongAxis(bool joins, int64_t axis) : joins_(joins), axis_(axis) {}
+
+ private:
+  bool joins_;
+  int64_t axis_;
+};
+
+class Concat : public AlongAxis {
+ public:
+  explicit Concat(const caffe::ConcatParameter& param)
+      : AlongAxis(true, param.has_concat_dim() ? int64_t{param.concat_dim()} : param.axis()) {
     if (param.has_axis() && param.has_concat_dim())
       throw InputError("give axis or concat_dim, not both");
   }
@@ -73,35 +107,13 @@ class Concat : public Layer {
     }
     return {inputs[0].with(axis, total)};
   }
-
-  std::optional<size_t> only_axis(const Shape& input) const override {
-    return input.canonical_axis(
-        param_.has_concat_dim() ? static_cast<int64_t>(param_.concat_dim()) : param_.axis(),
-        "concat axis");
-  }
-
-  Rounding rounding() const override { return Rounding::kNone; }
-
-  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    return inputs[0].rank() == 4 && only_axis(inputs[0]) == 1U ? Form(Joining{}) : Form();
-  }
-
-  Kernel bind(const Binding& binding) const override {
-    const size_t axis = *only_axis(binding.outputs[0]);
-    std::vector<int64_t> sizes;
-    for (const Shape& input : binding.inputs) sizes.push_back(input.product(axis, input.rank()));
-    Kernel kernel = join_kernel(binding.outputs[0].product(0, axis), sizes);
-    if (binding.reference_kernels) kernel.aliasing = Aliasing::kNone;
-    return kernel;
-  }
-
- private:
-  caffe::ConcatParameter param_;
 };
 
-class Slice : public Layer {
+class Slice : public AlongAxis {
  public:
-  explicit Slice(const caffe::SliceParameter& param) : param_(param) {
+  explicit Slice(const caffe::SliceParameter& param)
+      : AlongAxis(false, param.has_slice_dim() ? int64_t{param.slice_dim()} : param.axis()),
+        param_(param) {
     if (param.has_axis() && param.has_slice_dim())
       throw InputError("give axis or slice_dim, not both");
   }
@@ -133,28 +145,6 @@ class Slice : public Layer {
       begin = end;
     }
     return outputs;
-  }
-
-  std::optional<size_t> only_axis(const Shape& input) const override {
-    return input.canonical_axis(
-        param_.has_slice_dim() ? static_cast<int64_t>(param_.slice_dim()) : param_.axis(),
-        "slice axis");
-  }
-
-  Rounding rounding() const override { return Rounding::kNone; }
-
-  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    return inputs[0].rank() == 4 && only_axis(inputs[0]) == 1U ? Form(Cutting{}) : Form();
-  }
-
-  Kernel bind(const Binding& binding) const override {
-    const size_t axis = *only_axis(binding.inputs[0]);
-    std::vector<int64_t> sizes;
-    for (const Shape& output : binding.outputs)
-      sizes.push_back(output.product(axis, output.rank()));
-    Kernel kernel = cut_kernel(binding.inputs[0].product(0, axis), sizes, binding.threads);
-    if (binding.reference_kernels) kernel.aliasing = Aliasing::kNone;
-    return kernel;
   }
 
  private:

@@ -218,11 +218,18 @@ class RegionLayer : public Layer {
     if (has_object && inputs[2].elements() < 1) throw InputError("expected an object, found none");
   }
 
-  static RoiPoolingProblem problem(const Binding& binding, float scale) {
+  template <class Param>
+  static void check_finite(const Param& param) {
+    if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
+    if (!std::isfinite(param.pad_ratio())) throw InputError("pad_ratio must be finite");
+  }
+
+  template <class Param>
+  static RoiPoolingProblem problem(const Binding& binding, const Param& param) {
     const Shape &input = binding.inputs[0], &output = binding.outputs[0];
     RoiPoolingProblem p{input[0],  input[1],  input[2],  input[3],
                         output[0], output[1], output[2], output[3]};
-    p.scale = scale;
+    p.scale = param.spatial_scale(), p.pad_ratio = param.pad_ratio();
     p.threads = binding.threads;
     p.values = binding.precision;
     return p;
@@ -235,8 +242,7 @@ class RoiPooling : public RegionLayer {
       : param_(param), aligned_(aligned) {
     if (param.pooled_h() < 1 || param.pooled_w() < 1)
       throw InputError("pooled_h and pooled_w must be at least 1");
-    if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
-    if (!std::isfinite(param.pad_ratio())) throw InputError("pad_ratio must be finite");
+    check_finite(param);
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -246,8 +252,7 @@ class RoiPooling : public RegionLayer {
   }
 
   Kernel bind(const Binding& binding) const override {
-    RoiPoolingProblem p = problem(binding, param_.spatial_scale());
-    p.pad_ratio = param_.pad_ratio();
+    const RoiPoolingProblem p = problem(binding, param_);
     const auto pool = aligned_ ? roi_align : roi_pool;
     return {aligned_ ? "roi-align" : "roi-max-pool", [p, pool](const Call& call) {
               pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
@@ -267,8 +272,7 @@ class PsRoiPooling : public RegionLayer {
       throw InputError("spatial_scale, output_dim and group_size must be given");
     if (param.output_dim() < 1 || param.group_size() < 1)
       throw InputError("output_dim and group_size must be at least 1");
-    if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
-    if (!std::isfinite(param.pad_ratio())) throw InputError("pad_ratio must be finite");
+    check_finite(param);
     expect_int(int64_t{param.group_size()} * param.group_size(), "the square of group_size");
   }
 
@@ -282,8 +286,7 @@ class PsRoiPooling : public RegionLayer {
   }
 
   Kernel bind(const Binding& binding) const override {
-    RoiPoolingProblem p = problem(binding, param_.spatial_scale());
-    p.pad_ratio = param_.pad_ratio();
+    const RoiPoolingProblem p = problem(binding, param_);
     return {"psroi-average-pool", [p, has_object = has_object_](const Call& call) {
               psroi_pool(p, call.inputs[0], call.inputs[1], has_object ? call.inputs[2] : nullptr,
                          call.outputs[0]);

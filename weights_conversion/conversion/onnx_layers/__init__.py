@@ -30,5 +30,9 @@ class Site:
         """Converts a negative axis to a non-negative one."""
         return axis if axis >= 0 else axis + len(self.shapes[0] if shape is None else shape)
 
+    def require_fixed(self, what):
+        if not self.fixed:
+            self.refuse(f'{what} the input size; export with --fixed')
+
     def refuse(self, why):
         raise UnsupportedError(f"layer '{self.layer.name}' ({self.layer.type}): {why}")

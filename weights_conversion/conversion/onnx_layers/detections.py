@@ -10,11 +10,6 @@ ALL = 2**31 - 1  # NonMaxSuppression's limit of boxes
 EMPTY = np.float32(-np.inf)  # score of a box that was suppressed
 
 
-def _require_fixed(site):
-    if not site.fixed:
-        site.refuse('boxes depend on the input size; export with --fixed')
-
-
 def _below(limit):
     """Returns the float before `limit`: ONNX keeps what is above a limit, YOLO also what is equal to it."""
     return np.nextafter(np.float32(limit), EMPTY)
@@ -81,7 +76,7 @@ def _rows(g, columns, boxes, images):
 
 def _detection_output(g, site):
     """Every class of every image becomes an item of the batch, because only the best `top_k` of a class take part."""
-    _require_fixed(site)
+    site.require_fixed('boxes depend on')
     p = site.message.detection_output_param
     nms = p.nms_param
     if len(site.x) != 3:
@@ -137,7 +132,7 @@ def _yolo_map(g, x, shape, anchors, image, classes):
 
 def _yolo(g, site, p, anchors, images, score, limit):
     """Boxes suppress those of other classes, too. Only the best class of a box matters, because it suppresses the others."""
-    _require_fixed(site)
+    site.require_fixed('boxes depend on')
     overlap = _overlap_limit(site, _below(p.nms_threshold))
     parts = [_yolo_map(g, *each, p.num_classes) for each in zip(site.x, site.shapes, anchors, images)]
     boxes, objects, classes = (part[0] if len(part) == 1 else g.node('Concat', *part, axis=0) for part in zip(*parts))

@@ -29,8 +29,8 @@ def _flatten(g, site):
 
 def _squeeze(g, site):
     p, shape = site.message.squeeze_param, site.shapes[0]
-    if not p.axis and not site.fixed:
-        site.refuse('without an axis the result depends on the input size; export with --fixed')
+    if not p.axis:
+        site.require_fixed('without an axis the result depends on')
     axes = [site.axis(axis) for axis in p.axis] or [i for i, size in enumerate(shape) if size == 1]
     return [g.node('Squeeze', site.x[0], g.integers(*sorted(set(axes))))] if axes else [g.node('Identity', site.x[0])]
 
@@ -190,8 +190,7 @@ def _constants(g, site):
 
 
 def _prior_box(g, site):
-    if not site.fixed:
-        site.refuse('boxes depend on the input size; export with --fixed')
+    site.require_fixed('boxes depend on')
     return _constants(g, site)
 
 

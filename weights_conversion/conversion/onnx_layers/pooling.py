@@ -114,8 +114,7 @@ def _area(g, x, y, sizes, pad, after):
 
 def _spp(g, site):
     p, (_, _, h, w) = site.message.spp_param, site.shapes[0]
-    if not site.fixed:
-        site.refuse('windows depend on the input size; export with --fixed')
+    site.require_fixed('windows depend on')
     levels = []
     for level in range(p.pyramid_height):
         bins = 2**level

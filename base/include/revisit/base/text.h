@@ -28,6 +28,9 @@ std::string joined(const Range& range, std::string_view separator, Part part = {
   return std::move(out).str();
 }
 
+/// ASCII letters in lower case.
+std::string lower(std::string text);
+
 /// "1 scan", "2 scans".
 std::string plural(int64_t count, std::string_view what);
 
