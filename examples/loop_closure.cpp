@@ -7,11 +7,9 @@
 #include <cstdio>
 #include <exception>
 
-using namespace revisit;
-
-namespace {
-
-void run(int argc, char** argv) {
+int main(int argc, char** argv) try {
+  using namespace revisit;
+  if (argc < 3) return std::puts("usage: loop_closure MAP SCAN..."), 2;
   LoopDetector detector({.map = argv[1]});  // target precision 0.99
   for (int i = 2; i < argc; ++i) {
     const PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, step}
@@ -28,15 +26,6 @@ void run(int argc, char** argv) {
     std::printf("  %.2f m ahead of it, %.2f m to its left\n", t.x(), t.y());
   }
   std::printf("%ld map entries\n", static_cast<long>(detector.map().size()));
-}
-
-}  // namespace
-
-int main(int argc, char** argv) {
-  try {
-    if (argc < 3) return std::puts("usage: loop_closure MAP SCAN..."), 2;
-    return run(argc, argv), 0;
-  } catch (const std::exception& error) {
-    return std::fprintf(stderr, "loop_closure: %s\n", error.what()), 1;
-  }
+} catch (const std::exception& error) {
+  return std::fprintf(stderr, "loop_closure: %s\n", error.what()), 1;
 }

@@ -12,11 +12,9 @@
 #include <stdexcept>
 #include <vector>
 
-using namespace revisit;
-
-namespace {
-
-void run(int argc, char** argv) {
+int main(int argc, char** argv) try {
+  using namespace revisit;
+  if (argc < 4) return std::puts("usage: two_sessions MERGED SCAN MAP..."), 2;
   const std::vector<std::filesystem::path> paths(argv + 3, argv + argc);
   {
     const PointCloud cloud = read_scan(argv[2]);
@@ -47,15 +45,6 @@ void run(int argc, char** argv) {
     std::fprintf(stderr, "%s\n", message.c_str());
   });
   std::printf("%ld places in %s\n", static_cast<long>(merged), argv[1]);
-}
-
-}  // namespace
-
-int main(int argc, char** argv) {
-  try {
-    if (argc < 4) return std::puts("usage: two_sessions MERGED SCAN MAP..."), 2;
-    return run(argc, argv), 0;
-  } catch (const std::exception& error) {
-    return std::fprintf(stderr, "two_sessions: %s\n", error.what()), 1;
-  }
+} catch (const std::exception& error) {
+  return std::fprintf(stderr, "two_sessions: %s\n", error.what()), 1;
 }

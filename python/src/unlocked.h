@@ -5,7 +5,6 @@
 
 #include <atomic>
 #include <exception>
-#include <type_traits>
 
 #include "revisit/base/error.h"
 
@@ -91,14 +90,9 @@ class Listener {
   template <class Work>
   auto run(const Work& work) {
     try {
-      if constexpr (std::is_void_v<decltype(work())>) {
-        released(work);
-        rethrow();
-      } else {
-        auto result = released(work);
-        rethrow();
-        return result;
-      }
+      auto result = released(work);
+      rethrow();
+      return result;
     } catch (const Interrupted&) {
       rethrow();
       if (!comes_to_nothing()) throw;

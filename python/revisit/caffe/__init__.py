@@ -12,9 +12,9 @@ try:
 except ImportError as _error:
     raise ImportError("revisit.caffe needs the packages of the extra 'caffe': pip install protobuf pillow") from _error
 
+from ..engine import layer_types as _layer_types
 from . import _caffe, coord_map, io, net_spec, proto
 from ._blob import Blob
-from ._engine import layer_types as _layer_types
 from ._engine import set_allow_unknown, set_threads
 from ._caffe import Layer, Net, TrainingError
 from ._weights import set_random_seed

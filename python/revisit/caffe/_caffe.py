@@ -77,8 +77,8 @@ class Net:
         self._name = net.name
         self.layers, self._copies, views = _structure.with_splits(net, self._prototxt)
         self._layer_names = [layer.name for layer in self.layers]
-        self._blob_names = _structure.blob_names(self.layers)
-        self.inputs = _structure.inputs(self.layers)
+        self._blob_names = list(dict.fromkeys(top for layer in self.layers for top in layer.tops))  # by first writer
+        self.inputs = [top for layer in self.layers if layer.type == 'Input' for top in layer.tops]
         self.outputs = _structure.outputs(self.layers)
         self._callbacks = [], []  # before and after each layer
         self._batches = None  # start indices of the next batches of _images; see set_input_arrays()

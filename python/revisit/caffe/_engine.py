@@ -12,8 +12,6 @@ from . import _weights
 from ._structure import computing
 from .proto import caffe_pb2
 
-port_name = engine.port_name
-layer_types = engine.layer_types
 _allow_unknown = False
 
 

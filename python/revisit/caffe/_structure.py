@@ -86,11 +86,6 @@ def with_splits(net, prototxt):
     return layers, copies, views
 
 
-def blob_names(layers):
-    """Blobs in the order of their first writers."""
-    return list(dict.fromkeys(top for layer in layers for top in layer.tops))
-
-
 def outputs(layers):
     """Returns the blobs that no layer reads, sorted by name as in Caffe."""
     unread = set()
@@ -98,10 +93,6 @@ def outputs(layers):
         unread.difference_update(layer.bottoms)
         unread.update(layer.tops)
     return sorted(unread)
-
-
-def inputs(layers):
-    return [top for layer in layers if layer.type == 'Input' for top in layer.tops]
 
 
 def computing(layers):

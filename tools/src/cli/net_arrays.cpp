@@ -20,17 +20,11 @@ namespace {
 
 Mean read_mean(const std::filesystem::path& file) {
   constexpr std::string_view kNpyMagic = "\x93NUMPY";
+  const bool is_npy = read_head(file, kNpyMagic.size()) == kNpyMagic;
+  proto::Blob array = is_npy ? proto::read_npy(file) : proto::read_binaryproto(file);
+  std::vector<int64_t>& shape = array.shape;
   Mean mean;
-  std::vector<int64_t> shape;
-  if (read_head(file, kNpyMagic.size()) == kNpyMagic) {
-    proto::Blob array = proto::read_npy(file);
-    shape = std::move(array.shape);
-    mean.values = std::move(array.data);
-  } else {
-    proto::Blob blob = proto::read_binaryproto(file);
-    shape = std::move(blob.shape);
-    mean.values = std::move(blob.data);
-  }
+  mean.values = std::move(array.data);
   const auto bad = [&](const std::string& what) { return InputError(file.string(), ": ", what); };
   const engine::Shape found(shape);
   if (shape.size() == 4 && shape[0] == 1) shape.erase(shape.begin());

@@ -144,16 +144,17 @@ void LoopsOptions::finish() {
   if (needs_verify || no_verify) verify = needs_verify;
 }
 
-LoopDetectorOptions detector_options(const LoopsOptions& o) {
-  LoopDetectorOptions options{.exclusion = o.exclusion,
-                              .keyframes = o.keyframes,
-                              .verify = o.verify,
-                              .threshold = o.threshold,
-                              .target_precision = o.target_precision,
-                              .keep_clouds = !o.map.no_clouds && (*o.verify || !o.map.file.empty()),
-                              .odometry_gate = o.gate,
-                              .warn = warn};
-  return options;
+LoopDetectorOptions detector_options(const LoopsOptions& o, const std::string& drive,
+                                     const std::optional<OdometryGate>& gate) {
+  return {.drive = drive,
+          .exclusion = o.exclusion,
+          .keyframes = o.keyframes,
+          .verify = o.verify,
+          .threshold = o.threshold,
+          .target_precision = o.target_precision,
+          .keep_clouds = !o.map.no_clouds && (*o.verify || !o.map.file.empty()),
+          .odometry_gate = gate,
+          .warn = warn};
 }
 
 /// Refines the calibration of the feature, not the map's, on a drive with poses. If the feature has
@@ -161,9 +162,7 @@ LoopDetectorOptions detector_options(const LoopsOptions& o) {
 Calibration calibrated(const LoopsOptions& o, const MapSource& source, const std::string& sensor) {
   const Dataset dataset = open_drive(o.feature, o.calibrate, sensor, true);
   Map map(source.extractor, source.options);
-  LoopDetectorOptions options = detector_options(o);
-  options.odometry_gate.reset();
-  LoopDetector detector(map, options);
+  LoopDetector detector(map, detector_options(o, "", std::nullopt));
   cli::Progress progress("calibrating", "scans", o.shows_progress());
   const MatchRule rule = rule_of(kCalibrationRadius, dataset);
   const std::vector<LabeledScore> matches = scores_by_place(
@@ -336,7 +335,7 @@ class LoopRun {
         new_map_(o_.map.file),
         map_(described_.extractor, described_.options, open_map(), warn),
         drive_(o_.map.drive_of(source_.some)),
-        detector_(map_, options_with_drive()) {
+        detector_(map_, detector_options(o_, drive_, o_.gate)) {
     if (calibration_) detector_.calibrate(*calibration_);
     check_threshold(precision_given);
     if (!o_.feature.quiet && !source_.some.point_times.empty())
@@ -392,12 +391,6 @@ class LoopRun {
       need_target_precision(*calibration_, o_);
     }
     return map;
-  }
-
-  LoopDetectorOptions options_with_drive() const {
-    LoopDetectorOptions options = detector_options(o_);
-    options.drive = drive_;
-    return options;
   }
 
   void check_threshold(bool precision_given) const {

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <iostream>
 #include <map>
+#include <set>
 
 #include "cli/net_arrays.h"
 #include "cli/net_options.h"
@@ -152,17 +153,11 @@ class Comparison {
   engine::Net net_;
 };
 
-std::vector<fs::path> entries(const fs::path& folder) {
-  std::vector<fs::path> result;
-  for (const auto& entry : fs::directory_iterator(folder)) result.push_back(entry.path());
-  std::ranges::sort(result);
-  return result;
-}
-
 /// Files `prefix`NAME.npy of a folder, by NAME.
 std::map<std::string, fs::path> arrays_in(const fs::path& folder, const std::string& prefix) {
   std::map<std::string, fs::path> arrays;
-  for (const fs::path& file : entries(folder)) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const fs::path& file = entry.path();
     const std::string stem = file.stem().string();
     if (stem.starts_with(prefix) && file.extension() == ".npy")
       arrays[stem.substr(prefix.size())] = file;
@@ -179,7 +174,8 @@ void search(const fs::path& folder, std::vector<GoldenCase>* cases) {
     cases->push_back(std::move(golden));
     return;
   }
-  for (const fs::path& entry : entries(folder))
+  const std::set<fs::path> entries(fs::directory_iterator(folder), fs::directory_iterator{});
+  for (const fs::path& entry : entries)
     if (fs::is_directory(entry)) search(entry, cases);
 }
 

@@ -41,11 +41,6 @@ EvaluationOptions library_options(const EvalOptions& o) {
   return options;
 }
 
-void complete(EvaluationOptions& options, const EvalOptions& given, const FeatureSource& source) {
-  options.describe = given.feature.describe(source);
-  options.reduction = given.feature.reduction(source);
-}
-
 /// Named places are ground truth enough for some protocols.
 bool needs_poses(const EvaluationOptions& options) {
   if (options.distance) return options.distance != Distance::kPlace;
@@ -74,7 +69,8 @@ struct Opened {
         sensor_found(resolve_sensor(given.feature, dataset)),
         trajectory(trajectory_of(o, dataset)),
         source(open_feature(given.feature, dataset, options.cache)) {
-    complete(options, given, source);
+    options.describe = given.feature.describe(source);
+    options.reduction = given.feature.reduction(source);
   }
   void note_sensor() const {
     if (!sensor_found.empty()) given.feature.observer().note("sensor: " + sensor_found);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 #include "cli/net_arrays.h"
 #include "cli/net_options.h"
@@ -56,7 +57,7 @@ FeatureExtractor fabmap(const FeatureOptions& options, const Dataset& dataset,
 }
 
 struct Baseline {
-  const char* name;
+  std::string_view name;
   FeatureExtractor (*make)(const FeatureOptions&, const Dataset&, const fs::path&);
   const char* library = nullptr;
 };
@@ -69,13 +70,6 @@ const Baseline kBaselines[] = {
     {"m2dp", [](const auto&, const auto&, const auto&) { return m2dp_features(); }},
     {"fabmap", fabmap, "OpenCV"},
 };
-
-FeatureExtractor baseline(const FeatureOptions& options, const Dataset& dataset,
-                          const fs::path& folder) {
-  for (const Baseline& baseline : kBaselines)
-    if (options.feature == baseline.name) return baseline.make(options, dataset, folder);
-  throw UsageError("--feature: unknown feature '" + options.feature + "'");
-}
 
 FeatureSource open_network(const FeatureOptions& options) {
   models::FoundModel model = models::find_model(
@@ -226,7 +220,8 @@ FeatureSource open_feature(const FeatureOptions& options, const Dataset& dataset
   else if (options.feature == "ring")
     source = open_ring(options, dataset);
   else
-    source.extractor = baseline(options, dataset, folder);
+    source.extractor = std::ranges::find(kBaselines, options.feature, &Baseline::name)
+                           ->make(options, dataset, folder);
   source.inputs = source.extractor.sees<GrayImage>()
                       ? camera_images(dataset, image_folders(options)[0])
                       : dataset;

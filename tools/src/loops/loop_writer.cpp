@@ -64,11 +64,7 @@ Table csv_table() {
       "pose_qx,pose_qy,pose_qz,pose_qw,covariance"));
 }
 
-template <class Message>
-void set_position(const std::optional<Eigen::Isometry3d>& pose, const Message& message) {
-  if (!pose) return;
-  const Eigen::Vector3d t = pose->translation();
-  reports::Position& position = *message();
+void set_position(const Eigen::Vector3d& t, reports::Position& position) {
   position.set_x(t.x());
   position.set_y(t.y());
   position.set_z(t.z());
@@ -115,13 +111,13 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   if (!drive.empty()) line.set_drive(drive);
   line.set_frame(visit.scan.frame);
   line.set_file(visit.scan.file.string());
-  set_position(visit.scan.pose, [&] { return line.mutable_position(); });
+  if (visit.scan.pose) set_position(visit.scan.pose->translation(), *line.mutable_position());
   if (visit.scan.time) line.set_time(*visit.scan.time);
   if (!visit.found.loop) return line;
   const Loop& loop = *visit.found.loop;
   line.set_match_drive(loop.drive);
   line.set_match_frame(loop.frame);
-  set_position(loop.pose, [&] { return line.mutable_match_position(); });
+  if (loop.pose) set_position(loop.pose->translation(), *line.mutable_match_position());
   if (loop.time) line.set_match_time(*loop.time);
   line.set_similarity(loop.similarity);
   line.set_kth_similarity(loop.kth_similarity);

@@ -37,23 +37,17 @@ void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
 
 DescribedScan describe_scan(const ScanRef& scan, const std::string& drive, const Map& map,
                             PointCloud& cloud) {
-  DescribedScan described;
-  described.entry.drive = drive;
-  described.entry.frame = scan.frame;
-  described.entry.time = scan.time;
-  described.entry.pose = scan.pose;
-  Description& description = described.description;
+  Description description;
   try {
     read_scan_into(scan, cloud);
-    auto lap = stopwatch();
     description = map.describe(view_of(cloud));
-    described.milliseconds = lap();
     if (!description.described())
       description.error = str(scan.file.string(), ": ", description.error);
   } catch (const InputError& error) {
     description = {{}, error.what()};
   }
-  return described;
+  return {std::move(description),
+          {.drive = drive, .frame = scan.frame, .time = scan.time, .pose = scan.pose}};
 }
 
 }  // namespace revisit::cli

@@ -25,7 +25,6 @@ void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
 struct DescribedScan {
   Description description;  // error names the file
   MapEntry entry;           // only drive, frame, time and pose
-  double milliseconds = 0;  // to describe the points, without reading
 };
 
 /// Reuses the memory of `cloud`. A scan that cannot be read counts as not described.

@@ -284,21 +284,6 @@ bool has_scans_of_recordings(const fs::path& folder) {
   return arrays && !scans;
 }
 
-/// Points in a file that other scans share.
-struct SpooledPoints {
-  std::shared_ptr<UnnamedFile> file;
-  int64_t at;
-  size_t points, times;
-
-  void operator()(PointCloud& cloud) const {
-    cloud.points.resize(points);
-    cloud.times.resize(times);
-    const auto bytes = std::as_writable_bytes(std::span(cloud.points));
-    file->read(at, bytes);
-    file->read(at + std::ssize(bytes), std::as_writable_bytes(std::span(cloud.times)));
-  }
-};
-
 std::string checksum_of(const PointCloud& cloud) {
   uint64_t hash = kFnv1aStart;
   for (const auto part :
@@ -391,7 +376,14 @@ Dataset spooled(const RecordedScans& scans) {
       scan->checksum = checksum_of(cloud);
       const int64_t at = file->append(std::as_bytes(std::span(cloud.points)));
       file->append(std::as_bytes(std::span(cloud.times)));
-      scan->read = SpooledPoints{file, at, cloud.points.size(), cloud.times.size()};
+      scan->read = [file, at, points = cloud.points.size(),
+                    times = cloud.times.size()](PointCloud& out) {
+        out.points.resize(points);
+        out.times.resize(times);
+        const auto bytes = std::as_writable_bytes(std::span(out.points));
+        file->read(at, bytes);
+        file->read(at + std::ssize(bytes), std::as_writable_bytes(std::span(out.times)));
+      };
     } catch (const InputError&) {  // thrown again by each reading
     }
     dataset.scans.push_back(std::move(*scan));

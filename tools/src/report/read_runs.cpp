@@ -45,26 +45,19 @@ void need_consistent(const fs::path& file, const reports::Run& run) {
   }
 }
 
-class RunReader {
- public:
-  explicit RunReader(reports::Page* page) : page_(page) {}
-  int read_and_index(const fs::path& folder) {
-    const fs::path name = fs::weakly_canonical(folder);
-    const auto [entry, fresh] = index_.try_emplace(name, page_->runs_size());
-    if (!fresh) return entry->second;
-    reports::Run& run = *page_->add_runs();
-    read_report(name / "run.json", &run);
-    need_consistent(name / "run.json", run);
-    run.set_folder(name.string());
-    run.clear_scans_of();  // this and the next belong to the page
-    for (reports::RunTask& task : *run.mutable_tasks()) task.clear_shown();
-    return entry->second;
-  }
-
- private:
-  reports::Page* page_;
-  std::map<fs::path, int> index_;
-};
+/// Returns the index of the run in the page. `indices`: of the runs that are read, by folder.
+int read_run(const fs::path& folder, std::map<fs::path, int>& indices, reports::Page& page) {
+  const fs::path name = fs::weakly_canonical(folder);
+  const auto [entry, fresh] = indices.try_emplace(name, page.runs_size());
+  if (!fresh) return entry->second;
+  reports::Run& run = *page.add_runs();
+  read_report(name / "run.json", &run);
+  need_consistent(name / "run.json", run);
+  run.set_folder(name.string());
+  run.clear_scans_of();  // this and the next belong to the page
+  for (reports::RunTask& task : *run.mutable_tasks()) task.clear_shown();
+  return entry->second;
+}
 
 /// `folder` itself, or folders below it.
 std::vector<fs::path> folders_with(const fs::path& folder, const char* file) {
@@ -103,35 +96,26 @@ std::vector<std::string> cells_of(const std::string& line) {
 }
 
 /// One line of a .csv file of matches, by the columns of its header.
-class MatchLine {
- public:
-  MatchLine(const std::vector<std::string>& columns, const std::string& line, std::string where)
-      : columns_(columns), cells_(cells_of(line)), where_(std::move(where)) {}
-  MatchLabel label() const {
-    const bool correct = truth("correct", std::nullopt);
-    const auto score = parse_value<double>(where_ + ": score", cell("score"));
-    return {score, correct, truth("positive", correct), truth("ignored", false)};
-  }
-
- private:
-  std::string cell(const std::string& name) const {
-    const auto at = static_cast<size_t>(std::ranges::find(columns_, name) - columns_.begin());
-    return at < columns_.size() && at < cells_.size() ? cells_[at] : "";
-  }
-  bool truth(const char* name, std::optional<bool> absent) const {
+MatchLabel label_of(const std::vector<std::string>& columns, const std::string& line,
+                    const std::string& where) {
+  const std::vector<std::string> cells = cells_of(line);
+  const auto cell = [&](const std::string& name) -> std::string {
+    const auto at = static_cast<size_t>(std::ranges::find(columns, name) - columns.begin());
+    return at < columns.size() && at < cells.size() ? cells[at] : "";
+  };
+  const auto truth = [&](const char* name, std::optional<bool> absent) {
     std::string text = cell(name);
     std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
     if (text == "1" || text == "true") return true;
     if (text == "0" || text == "false") return false;
     if (!text.empty() || !absent)
-      throw InputError(where_, ": ", name, ": expected 0 or 1, found '", text, "'");
+      throw InputError(where, ": ", name, ": expected 0 or 1, found '", text, "'");
     return *absent;
-  }
-
-  const std::vector<std::string>& columns_;
-  std::vector<std::string> cells_;
-  std::string where_;
-};
+  };
+  const bool correct = truth("correct", std::nullopt);
+  const auto score = parse_value<double>(where + ": score", cell("score"));
+  return {score, correct, truth("positive", correct), truth("ignored", false)};
+}
 
 /// Columns score and correct, perhaps positive (default: correct) and ignored (default: 0).
 void read_matches(const fs::path& file, reports::Run* run) {
@@ -148,7 +132,7 @@ void read_matches(const fs::path& file, reports::Run* run) {
   std::vector<MatchLabel> labels;
   for (int number = 2; std::getline(lines, line); ++number) try {
       if (!line.empty() && line != "\r")
-        labels.push_back(MatchLine(columns, line, str(file.string(), ":", number)).label());
+        labels.push_back(label_of(columns, line, str(file.string(), ":", number)));
     } catch (const UsageError& error) {
       throw InputError(error.what());
     }
@@ -174,7 +158,7 @@ ptrdiff_t table_position(const std::string& name) {
 
 reports::Page read_runs(const std::vector<fs::path>& folders) {
   reports::Page page;
-  RunReader runs(&page);
+  std::map<fs::path, int> indices;  // of runs, by folder
   std::vector<std::pair<reports::Experiment, fs::path>> found;
   for (const fs::path& folder : folders) {
     if (is_file(folder) && folder.extension() == ".csv") {
@@ -197,14 +181,14 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
       throw InputError(folder.string(),
                        ": no run.json or experiment.json found in or below the folder; "
                        "'revisit eval' writes them");
-    for (const fs::path& run : of_runs) runs.read_and_index(run);
+    for (const fs::path& run : of_runs) read_run(run, indices, page);
   }
   std::ranges::stable_sort(
       found, {}, [](const auto& experiment) { return table_position(experiment.first.name()); });
   for (auto& [experiment, folder] : found) {
     for (reports::ExperimentRun& run : *experiment.mutable_runs()) {
       run.clear_run();
-      if (run.state() == "done") run.set_run(runs.read_and_index(folder / run.folder()));
+      if (run.state() == "done") run.set_run(read_run(folder / run.folder(), indices, page));
     }
     *page.add_experiments() = std::move(experiment);
   }
