@@ -50,6 +50,10 @@ LAYERS = {
                                          [numbers(2, 3, 3, 3), numbers(3)]),
     'squeeze': ((2, 1, 3, 1), 'Squeeze', 'squeeze_param { axis: 1 axis: -1 }', []),
     'reshape in the middle': ((2, 6, 4, 5), 'Reshape', 'reshape_param { shape { dim: 3 dim: -1 } axis: 1 num_axes: 1 }', []),
+    'depth to space': ((2, 8, 3, 4), 'DepthToSpace', 'depth_to_space_param { block_size: 2 data_format: "NCHW" }', []),
+    'depth to space, channels first': ((2, 8, 3, 4), 'DepthToSpace', 'depth_to_space_param { block_size: 2 data_format: "CRD" }', []),
+    'normalized by NormFace': ((2, 3, 4, 5), 'Normalize', 'normalize_param { normalize_type: "L2" }', []),
+    'hard swish': ((2, 3, 4, 5), 'HardSwish', '', []),
     'normalized pixels': ((2, 3, 4, 5), 'Normalize', 'norm_param { across_spatial: false channel_shared: false }', [numbers(3)]),
     'normalized images': ((2, 3, 4, 5), 'Normalize', '', [np.float32(1.5)]),
     'numbers that are their own mean': ((2, 3), 'MVN', '', []),
@@ -130,6 +134,12 @@ class Layers(ConversionTest):
         cell = layer('cell', 'Lstm', ['data', 'clip'], 'y', 'lstm_param { num_output: 6 }')
         self.export(input_layer(5, 3, 4) + clip + cell, {'cell': [numbers(24, 4), numbers(24, 6), numbers(24)]},
                     {'data': numbers(5, 3, 4), 'clip': (numbers(15, 1, seed=9) > -0.5).astype(np.float32)})
+
+    def test_second_inputs(self):
+        inputs = {'data': numbers(2, 3, 4, 5), 'other': numbers(2, 3, 1, 1, seed=1)}
+        text = input_layer(2, 3, 4, 5) + input_layer(2, 3, 1, 1).replace('"data"', '"other"')
+        self.export(text + layer('it', 'Mul', ['data', 'other']), {}, inputs)
+        self.export(text + layer('it', 'Tile', ['data', 'other'], parameters='tile_param { tiles: 1 }'), {}, inputs)
 
     def test_masks_lead_back(self):
         pooling = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { kernel_size: 3 stride: 2 pad: 1 }')

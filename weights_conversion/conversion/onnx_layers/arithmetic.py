@@ -142,7 +142,8 @@ def _unary(op):
 EMIT = {
     'AbsVal': _unary('Abs'), 'Axpy': _axpy, 'Bias': _bias, 'BNLL': _unary('Softplus'), 'Clip': _clip, 'Dropout': _dropout,
     'ELU': lambda g, site: [g.node('Elu', site.x[0], alpha=site.message.elu_param.alpha)],
-    'Eltwise': _eltwise, 'Exp': _exp, 'Log': _log, 'Mish': _mish, 'Power': _power, 'PReLU': _prelu, 'ReLU': _relu, 'ReLU6': _relu6,
+    'Eltwise': _eltwise, 'Exp': _exp, 'HardSwish': _unary('HardSwish'), 'Log': _log, 'Mish': _mish,
+    'Mul': lambda g, site: [g.node('Mul', *site.x)], 'Power': _power, 'PReLU': _prelu, 'ReLU': _relu, 'ReLU6': _relu6,
     'Scale': _scale, 'Sigmoid': _unary('Sigmoid'), 'Silence': lambda g, site: [], 'Split': _same, 'Swish': _swish,
     'TanH': _unary('Tanh'), 'Threshold': _threshold,
 }

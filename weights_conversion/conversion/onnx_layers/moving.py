@@ -83,11 +83,16 @@ def _reorg(g, site):
     return [g.reshape(g.node('SpaceToDepth', large, blocksize=p.stride), 0, -1, g.node('Div', size, stride))]
 
 
+def _depth_to_space(g, site):
+    p = site.message.depth_to_space_param
+    return [g.node('DepthToSpace', site.x[0], blocksize=p.block_size, mode='CRD' if p.data_format == 'CRD' else 'DCR')]
+
+
 def _tile(g, site):
     p = site.message.tile_param
-    repeats = [1] * len(site.shapes[0])
-    repeats[p.axis] = p.tiles
-    return [g.node('Tile', site.x[0], g.integers(*repeats))]
+    repeats = [g.integers(1)] * len(site.shapes[0])
+    repeats[p.axis] = g.shape(site.x[1], 0, 1) if len(site.x) == 2 and site.shapes[1] else g.integers(p.tiles)
+    return [g.node('Tile', site.x[0], g.node('Concat', *repeats, axis=0))]
 
 
 def _crop(g, site):
@@ -176,7 +181,10 @@ def _upsample(g, site):
         size = g.node('Sub', g.node('Mul', g.shape(site.x[0], 2, 4), scale), g.integers(p.pad_out_h, p.pad_out_w))
     pixels = g.node('ReduceProd', size, axes=[0], keepdims=1)
     empty = g.node('ConstantOfShape', g.node('Concat', lead, pixels, axis=0))
-    places = g.to_integers(g.reshape(site.x[1], 0, 0, -1))
+    mask, channels = site.x[1], site.shapes[0][1]
+    if site.shapes[1][1] > channels:
+        mask = g.node('Slice', mask, g.integers(0), g.integers(channels), g.integers(1))
+    places = g.to_integers(g.reshape(mask, 0, 0, -1))
     flat = g.node('ScatterElements', empty, places, g.reshape(site.x[0], 0, 0, -1), axis=2)
     return [g.reshape(flat, lead, size)]
 
@@ -196,8 +204,8 @@ def _prior_box(g, site):
 
 EMIT = {
     'ArgMax': _argmax, 'BatchReindex': _batch_reindex, 'Concat': _concat, 'Crop': _crop, 'CropCenter': _crop_center,
-    'DummyData': _constants, 'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Flip': _flip, 'Interp': _interp, 'Parameter': _parameter,
-    'Permute': _permute, 'PriorBox': _prior_box, 'PriorBoxClustered': _prior_box, 'Reorg': _reorg,
+    'DepthToSpace': _depth_to_space, 'DummyData': _constants, 'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Flip': _flip,
+    'Interp': _interp, 'Parameter': _parameter, 'Permute': _permute, 'PriorBox': _prior_box, 'PriorBoxClustered': _prior_box, 'Reorg': _reorg,
     'Reshape': _reshape, 'Reverse': _reverse, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Squeeze': _squeeze, 'Tile': _tile,
     'Transpose': _transpose, 'Upsample': _upsample,
 }

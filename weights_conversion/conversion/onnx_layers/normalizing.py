@@ -78,8 +78,12 @@ def _lrn(g, site):
 
 def _normalize(g, site):
     p, rank = site.message.norm_param, len(site.shapes[0])
-    axes = list(range(1, rank)) if p.across_spatial else [1]
-    norm = g.node('Sqrt', g.affine(g.node('ReduceSumSquare', site.x[0], axes=axes, keepdims=1), shift=p.eps))
+    of_pixels = not site.blobs  # NormFace's
+    axes = list(range(1, rank)) if p.across_spatial and not of_pixels else [1]
+    eps = p.eps if site.message.HasField('norm_param') or not of_pixels else 1e-6
+    norm = g.node('Sqrt', g.affine(g.node('ReduceSumSquare', site.x[0], axes=axes, keepdims=1), shift=eps))
+    if of_pixels:
+        return [g.node('Div', site.x[0], norm)]
     scale = site.blobs[0].ravel().reshape((-1,) + (1,) * (rank - 2))
     return [g.node('Mul', g.node('Div', site.x[0], norm), g.constant(scale))]
 
