@@ -180,14 +180,14 @@ class Loader {
 
   void check(const std::string& file, size_t node, const std::vector<proto::Blob>& blobs) const {
     const std::vector<Tensor>& weights = weights_[node];
-    const std::string place = place_of(file, net_.graph.nodes[node]);
+    const auto place = [&] { return place_of(file, net_.graph.nodes[node]); };
     // A file can lack trailing blobs that it stores under another layer, which shares them.
     size_t n_expected = weights.size();
     while (n_expected > blobs.size() &&
            !parameter_of(net_.graph.nodes[node], n_expected - 1).empty())
       --n_expected;
     if (blobs.size() != n_expected)
-      throw InputError(place, ": expected ", weights.size(), " blobs, found ", blobs.size(), "; ",
+      throw InputError(place(), ": expected ", weights.size(), " blobs, found ", blobs.size(), "; ",
                        weights.size() == 3 && blobs.size() == 5 &&
                                net_.graph.nodes[node].param.type() == "BatchNorm"
                            ? "with scale and bias, as in NVIDIA's fork, it needs batch_norm_param "
@@ -195,7 +195,7 @@ class Loader {
                            : "these weights belong to another network");
     for (size_t b = 0; b < blobs.size(); ++b)
       if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
-        throw InputError(place, " blob ", b, ": expected shape ", weights[b].shape, ", found ",
+        throw InputError(place(), " blob ", b, ": expected shape ", weights[b].shape, ", found ",
                          shape_text(blobs[b].shape), "; these weights belong to another network");
   }
 

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cctype>
 #include <map>
 #include <sstream>
 
@@ -9,6 +8,7 @@
 #include "report/report.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {
@@ -104,8 +104,7 @@ MatchLabel label_of(const std::vector<std::string>& columns, const std::string& 
     return at < columns.size() && at < cells.size() ? cells[at] : "";
   };
   const auto truth = [&](const char* name, std::optional<bool> absent) {
-    std::string text = cell(name);
-    std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
+    const std::string text = lower(cell(name));
     if (text == "1" || text == "true") return true;
     if (text == "0" || text == "false") return false;
     if (!text.empty() || !absent)

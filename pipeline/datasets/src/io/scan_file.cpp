@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cctype>
 #include <cmath>
 #include <cstddef>
 #include <span>
@@ -12,6 +11,7 @@
 #include "io/point_files.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
+#include "revisit/base/text.h"
 #include "revisit/datasets/dataset.h"
 
 namespace revisit {
@@ -78,10 +78,7 @@ void read_bin(const fs::path& file, PointCloud& cloud) {
 }
 
 std::string lower_case_extension_of(const fs::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
+  return lower(file.extension().string());
 }
 
 void read_by_extension(const fs::path& file, PointCloud& cloud, RecordedTimes& times) {
