@@ -13,11 +13,27 @@ import numpy as np
 
 from folders import FolderTest
 from nets import CONVOLVE
-from revisit import datasets, proto
+from revisit import datasets, poses, proto, recordings
 from scans import room, simulate
 
 EXAMPLES = Path(__file__).resolve().parents[2] / 'examples'
 SLAM = all(importlib.util.find_spec(name) for name in ('kiss_icp', 'gtsam', 'evo', 'matplotlib'))
+
+ODOMETRY_OF_FILE = """
+from pathlib import Path
+import numpy as np
+
+class KISSConfig:
+    def __init__(self, **settings):
+        pass
+
+class KissICP:
+    def __init__(self, config):
+        self.path = iter(np.load(Path(__file__).parents[1] / 'path.npy'))
+
+    def register_frame(self, points, times):
+        self.last_pose = next(self.path)
+"""
 
 
 def run(name, *arguments):
@@ -88,6 +104,21 @@ class Examples(FolderTest):
         code, _, said = self.slam(self.folder, path=[self.folder])
         self.assertEqual(code, 1)
         self.assertRegex(said, r"^slam: No module named '\w+'; .*pip install '\.\[slam\]'\n$")
+
+    @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo and matplotlib: pip install kiss-icp gtsam evo matplotlib')
+    def test_slam_with_diverged_odometry(self):
+        """Odometry that climbs 5 cm per meter contradicts the loops of a level drive."""
+        simulate(self.folder / 'town', length=300, every=2, route='both', sensor='vlp16')
+        path = np.array([poses.AXES_OF_CAMERA.T @ scan.pose for scan in recordings.open_recording(str(self.folder / 'town')).scans()])
+        path[:, 2, 3] += 0.1 * np.arange(len(path))
+        np.save(self.folder / 'path.npy', path)
+        (self.folder / 'kiss_icp').mkdir()
+        (self.folder / 'kiss_icp/__init__.py').touch()
+        (self.folder / 'kiss_icp/kiss_icp.py').write_text(ODOMETRY_OF_FILE)
+        code, printed, said = self.slam(self.folder / 'town', path=[self.folder])
+        self.assertEqual(code, 5, printed + said)
+        self.assertRegex(said, r'slam: the odometry has diverged: \d+ loops agree with it, .* because it excludes them\n$')
+        self.assertEqual(len((self.folder / 'out/trajectory.tum').read_text().splitlines()), len(path))
 
     @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo and matplotlib: pip install kiss-icp gtsam evo matplotlib')
     def test_slam_with_damaged_scans(self):
