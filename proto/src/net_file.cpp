@@ -129,8 +129,11 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
             options.keep_training || options.allow_unknown_fields ? AmbiguousCrops::kStartAtZero
                                                                   : AmbiguousCrops::kErrors,
             blame, notes);
-    if (!options.keep_training) keep_inference(file, options, blame, notes);
-    if (!options.keep_training) replace_python_layers(file.net, options.keep_python, notes);
+    if (!options.keep_training) {
+      keep_inference(file, options, blame, notes);
+      replace_python_layers(file.net, options.keep_python, notes);
+      widen_inputs(file.net, notes);
+    }
   } catch (const UpgradeError& error) {
     throw InputError(message_start(name, position(error.field, error.index)) + error.what());
   } catch (const InputError& error) {

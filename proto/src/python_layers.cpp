@@ -66,7 +66,7 @@ std::optional<caffe::ProposalParameter> proposal_of(const caffe::LayerParameter&
   if (!(is_bare || is_python) || layer.bottom_size() != 3 || layer.top_size() < 1 ||
       layer.top_size() > 2)
     return std::nullopt;
-  auto given = parameters_of(is_bare ? "'feat_stride': 16" : python.param_str());
+  auto given = is_bare ? Parameters{{"feat_stride", {16}}} : parameters_of(python.param_str());
   if (!given) return std::nullopt;
   const auto take = [&](const char* key, const Numbers& absent) {
     const auto found = given->extract(key);
@@ -138,30 +138,6 @@ bool give_type(caffe::LayerParameter& layer) {
   return true;
 }
 
-/// pycaffe's callers give such inputs another shape before they run the net.
-void widen_inputs(caffe::NetParameter& net, std::vector<std::string>& warnings) {
-  std::map<std::string, caffe::BlobShape*> shapes;
-  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
-    const bool pools = layer.type() == "ROIPooling" || layer.type() == "PSROIPooling";
-    const bool proposes = layer.type() == "Proposal" && layer.bottom_size() == 3;
-    const int64_t wanted = pools ? 5 : 3;  // image, x1, y1, x2, y2; height, width, scale
-    for (int i = pools ? 1 : 2; (pools || proposes) && i < layer.bottom_size(); ++i) {
-      const auto found = shapes.find(layer.bottom(i));
-      if (found == shapes.end() || found->second->dim_size() != 2 ||
-          found->second->dim(1) != wanted - 1)
-        continue;
-      found->second->set_dim(1, wanted);
-      warnings.push_back(str("input '", found->first, "' has ", wanted, " numbers in a row, not ",
-                             wanted - 1, ", because layer '", layer.name(), "' (", layer.type(),
-                             ") reads as many"));
-    }
-    for (const std::string& top : layer.top()) shapes.erase(top);
-    const int n = layer.type() == "Input" ? layer.input_param().shape_size() : 0;
-    for (int i = 0; i < std::min(n, layer.top_size()); ++i)
-      shapes[layer.top(i)] = layer.mutable_input_param()->mutable_shape(i);
-  }
-}
-
 }  // namespace
 
 void replace_python_layers(caffe::NetParameter& net, bool keep_python,
@@ -188,7 +164,29 @@ void replace_python_layers(caffe::NetParameter& net, bool keep_python,
     result.add_layer()->Swap(&layer);
   }
   net.mutable_layer()->Swap(result.mutable_layer());
-  widen_inputs(net, warnings);
+}
+
+void widen_inputs(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+  std::map<std::string, caffe::BlobShape*> shapes;
+  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
+    const bool pools = layer.type() == "ROIPooling" || layer.type() == "PSROIPooling";
+    const bool proposes = layer.type() == "Proposal" && layer.bottom_size() == 3;
+    const int64_t wanted = pools ? 5 : 3;  // image, x1, y1, x2, y2; height, width, scale
+    for (int i = pools ? 1 : 2; (pools || proposes) && i < layer.bottom_size(); ++i) {
+      const auto found = shapes.find(layer.bottom(i));
+      if (found == shapes.end() || found->second->dim_size() != 2 ||
+          found->second->dim(1) != wanted - 1)
+        continue;
+      found->second->set_dim(1, wanted);
+      warnings.push_back(str("input '", found->first, "' has ", wanted, " numbers in a row, not ",
+                             wanted - 1, ", because layer '", layer.name(), "' (", layer.type(),
+                             ") reads as many"));
+    }
+    for (const std::string& top : layer.top()) shapes.erase(top);
+    const int n = layer.type() == "Input" ? layer.input_param().shape_size() : 0;
+    for (int i = 0; i < std::min(n, layer.top_size()); ++i)
+      shapes[layer.top(i)] = layer.mutable_input_param()->mutable_shape(i);
+  }
 }
 
 }  // namespace revisit::proto

@@ -61,14 +61,17 @@ constexpr const char* kAligningCrop = "CROP";
 void find_crop_offsets(caffe::NetParameter& net, AmbiguousCrops crops, const Blame& blame,
                        std::vector<std::string>& warnings);
 
-/// Gives Python layers of public forks a type that computes the same. Corrects inputs with too few
-/// numbers for regions or image sizes. ProposalLayer of Faster R-CNN becomes a Proposal layer if
-/// all of its `param_str` is known. Settings of its other files (config.py, generate_anchors.py)
-/// are those of rbgirshick/py-faster-rcnn; a warning lists them. The layer keeps its
-/// `python_param`, which tells the engine to drop small regions instead of setting their score to
-/// 0.
+/// Gives Python layers of public forks a type that computes the same. ProposalLayer of Faster R-CNN
+/// becomes a Proposal layer if all of its `param_str` is known. Settings of its other files
+/// (config.py, generate_anchors.py) are those of rbgirshick/py-faster-rcnn; a warning lists them.
+/// The layer keeps its `python_param`, which tells the engine to drop small regions instead of
+/// setting their score to 0.
 void replace_python_layers(caffe::NetParameter& net, bool keep_python,
                            std::vector<std::string>& warnings);
+
+/// Corrects the shape of inputs with too few numbers for regions or image sizes. pycaffe's callers
+/// give such inputs another shape before they run the net.
+void widen_inputs(caffe::NetParameter& net, std::vector<std::string>& warnings);
 
 /// Reduces a V2 net to inference: the layers of the state and, if it reads training data (a
 /// train_val.prototxt), the part between data and prediction. Data layers become Input layers, with

@@ -318,6 +318,10 @@ TEST(DepthToSpace, MovesChannelsToBlocks) {
   }
   expect_rejected<UnsupportedError>("DepthToSpace", "depth_to_space_param { block_size: 2 }",
                                     {Shape{1, 4, 1, 1}}, {"'NHWC'"});
+  expect_rejected("DepthToSpace", "depth_to_space_param { block_size: 0 data_format: 'CRD' }",
+                  {Shape{1, 4, 1, 1}}, {"block_size must be at least 1"});
+  expect_rejected("DepthToSpace", "depth_to_space_param { block_size: 2 data_format: 'CRD' }",
+                  {Shape{1, 6, 1, 1}}, {"block_size 2", "found 6"});
 }
 
 TEST(Reorg, RejectsReadsBeyondTheInput) {

@@ -112,16 +112,17 @@ class ShuffleChannel : public OneToOneLayer {
 /// `[n][c][s][s][h][w]` -> `[n][c][h][s][w][s]`.
 class Reorg : public OneToOneLayer {
  public:
-  explicit Reorg(const caffe::ReorgParameter& param) : Reorg(param.stride(), param.reverse()) {}
+  explicit Reorg(const caffe::ReorgParameter& param)
+      : Reorg("stride", param.stride(), param.reverse()) {}
   explicit Reorg(const caffe::DepthToSpaceParameter& param)
-      : Reorg(param.block_size(), true, param.data_format() == "CRD") {
+      : Reorg("block_size", param.block_size(), true, param.data_format() == "CRD") {
     const std::string& format = param.data_format();
     if (format != "NCHW" && format != "DCR" && format != "CRD")
       throw UnsupportedError("data_format '", format, "' is not supported (NCHW, DCR or CRD)");
   }
-  Reorg(int64_t stride, bool reverse, bool channels_first = false)
-      : stride_(stride), reverse_(reverse), channels_first_(channels_first) {
-    if (stride_ < 1) throw InputError("stride must be at least 1");
+  Reorg(const char* field, int64_t stride, bool reverse, bool channels_first = false)
+      : field_(field), stride_(stride), reverse_(reverse), channels_first_(channels_first) {
+    if (stride_ < 1) throw InputError(field_, " must be at least 1");
   }
 
   Shape output_shape(const Shape& input) const override {
@@ -130,13 +131,12 @@ class Reorg : public OneToOneLayer {
     // The original divides by zero, or mixes images.
     if (channels % s != 0 || channels / s % s != 0)
       throw InputError("the channels of the input (", input,
-                       ") must be a multiple of the square of ", "stride ", s, ", found ",
+                       ") must be a multiple of the square of ", field_, " ", s, ", found ",
                        channels);
     if (reverse_) return {input[0], channels / s / s, input[2] * s, input[3] * s};
     if (input[2] % s != 0 || input[3] % s != 0)
-      throw InputError("the rows and columns of the input (", input,
-                       ") must be multiples of stride ", s, ", found ", input[2], " and ",
-                       input[3]);
+      throw InputError("the rows and columns of the input (", input, ") must be multiples of ",
+                       field_, " ", s, ", found ", input[2], " and ", input[3]);
     return {input[0], channels * s * s, input[2] / s, input[3] / s};
   }
 
@@ -155,6 +155,7 @@ class Reorg : public OneToOneLayer {
   }
 
  private:
+  const char* field_;
   int64_t stride_;
   bool reverse_, channels_first_;
 };
