@@ -178,10 +178,11 @@ TEST_F(Loops, LocateScansInTheWorldOfTheMap) {
 
 /// A room of 30 x 20 m with a pillar, as a cloud far from its origin.
 TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
-  std::string points;
+  std::string points, y_down;  // y_down: in a camera's axes
   int n = 0;
   const auto add = [&](double x, double y, double z) {
     points += str(x + 500, " ", y - 300, " ", z + 20, "\n");
+    y_down += str(300 - y, " ", -z, " ", x + 500, "\n");
     ++n;
   };
   const auto write = [&](const std::string& name) {
@@ -218,6 +219,10 @@ TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
   run(build + path("way.map") + " --poses " + path("way.tum"));
   EXPECT_HAS(run("map info --entries " + path("way.map")), "506.300,-291.100,21.700");
   expect_exit(2, {"--from-cloud"}, "map build " + path("site.pcd") + " --map x.map --poses y");
+  points = y_down;
+  write("y_down.pcd");
+  expect_exit(0, {"y_down.pcd: y seems to be up, because 5", "rotate the cloud"},
+              "map build --from-cloud " + path("y_down.pcd") + " --map " + path("y_down.map"));
   write_file(path("utm.pcd"),
              "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\n"
              "DATA ascii\n500000 5400000 20\n");

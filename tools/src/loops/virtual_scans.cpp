@@ -1,6 +1,7 @@
 #include "loops/virtual_scans.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -79,6 +80,26 @@ Site read_site(const FeatureOptions& options) {
     site.points.push_back((point - site.origin).cast<float>());
   remove_trails(site.points, counts);
   return site;
+}
+
+/// A floor has many points at one height, also among walls and on a slope.
+void warn_if_tilted(const Site& site, const std::string& name) {
+  constexpr float kLayer = 0.5F;              // [m]
+  constexpr double kFloor = 0.05, kMuch = 3;  // of a hilly town 0.07; 5 times the share across z
+  const std::string axes = "xyz";
+  std::array<int64_t, 3> fullest{};
+  for (int axis = 0; axis < 3; ++axis)
+    for (std::map<int, int64_t> layers; const Eigen::Vector3f& point : site.points)
+      fullest[axis] =
+          std::max(fullest[axis], ++layers[static_cast<int>(std::floor(point[axis] / kLayer))]);
+  const auto up = std::ranges::max_element(fullest) - fullest.begin();
+  const auto share = [&](auto axis) {
+    return static_cast<double>(fullest[axis]) / static_cast<double>(site.points.size());
+  };
+  if (share(up) > std::max(kFloor, kMuch * share(2)))
+    warn(str(name, ": ", axes[up], " seems to be up, because ", std::lround(100 * share(up)),
+             " % of the points are in a layer of 0.5 m across it, and ",
+             std::lround(100 * share(2)), " % across z; rotate the cloud so that z is up"));
 }
 
 /// Rows of beams and columns of azimuth. Each point covers its voxel, so that what lies behind a
@@ -195,6 +216,7 @@ std::vector<Pose> poses_along(const fs::path& trajectory) {
 Dataset virtual_scans(const FeatureOptions& options, const fs::path& trajectory) {
   const Site site = read_site(options);
   stop_if_interrupted();
+  warn_if_tilted(site, options.data.string());
   const std::vector<Pose> poses = trajectory.empty() ? poses_on(site) : poses_along(trajectory);
   if (poses.empty())
     throw InputError(options.data.string(),
