@@ -103,7 +103,7 @@ caffe::LayerParameter crop_before(caffe::LayerParameter& concat) {
 /// Number of `key` in the text of a Python dictionary, also if it is quoted; 0 if there is none.
 float number_in(const std::string& text, const std::string& key) {
   std::smatch found;
-  const std::regex value(key + R"(['"]:[ '"]*([-+.\w]+))");
+  const std::regex value("['\"]" + key + R"(['"]\s*:[ '"]*([-+.\w]+)['"]?\s*(?:[,}\n]|$))");
   if (text.size() > kLongest || !std::regex_search(text, found, value)) return 0;
   return number_of(found[1]).value_or(0);
 }

@@ -154,20 +154,25 @@ std::vector<caffe::LayerParameter> permuting_layers(caffe::LayerParameter& detec
     caffe::LayerParameter& layer = added.emplace_back();
     layer.set_name(top), layer.set_type(type);
     layer.add_bottom(bottom), layer.add_top(top);
+    *layer.mutable_include() = detection.include();
+    *layer.mutable_exclude() = detection.exclude();
     return &layer;
   };
   caffe::LayerParameter ssd = detection;
   ssd.clear_bottom();
   for (const int first : {n, 0}) {  // locations, then confidences
     ssd.add_bottom(str(detection.name(), first == 0 ? "/confidences" : "/locations"));
+    std::vector<std::string> flat;
     for (int i = first; i < first + n; ++i) {
-      const std::string ordered = detection.bottom(i) + "/ordered";
-      auto& order = *add("Permute", detection.bottom(i), ordered)->mutable_permute_param();
+      const std::string name = str(detection.name(), "/", detection.bottom(i));
+      auto& order =
+          *add("Permute", detection.bottom(i), name + "/ordered")->mutable_permute_param();
       for (const int axis : {0, first == 0 ? 3 : 2, first == 0 ? 2 : 3, 1}) order.add_order(axis);
-      add("Flatten", ordered, detection.bottom(i) + "/flat");
+      flat.push_back(name + "/flat");
+      add("Flatten", name + "/ordered", flat.back());
     }
-    auto& joined = *add("Concat", detection.bottom(first) + "/flat", ssd.bottom().rbegin()[0]);
-    for (int i = first + 1; i < first + n; ++i) joined.add_bottom(detection.bottom(i) + "/flat");
+    auto& joined = *add("Concat", flat[0], ssd.bottom().rbegin()[0]);
+    for (int i = 1; i < n; ++i) joined.add_bottom(flat[i]);
   }
   ssd.add_bottom(detection.bottom(2 * n));
   ssd.mutable_detection_output_param()->clear_no_permute();
@@ -180,9 +185,8 @@ std::vector<caffe::LayerParameter> permuting_layers(caffe::LayerParameter& detec
 void upgrade_twins(caffe::NetParameter& net) {
   caffe::NetParameter result;
   for (caffe::LayerParameter& layer : *net.mutable_layer()) {
-    if (layer.type() == "Insanity" && layer.insanity_param().lb() > 0 &&
-        layer.insanity_param().ub() > layer.insanity_param().lb()) {
-      const float low = layer.insanity_param().lb(), high = layer.insanity_param().ub();
+    const float low = layer.insanity_param().lb(), high = layer.insanity_param().ub();
+    if (layer.type() == "Insanity" && low > 0 && high > low && std::isfinite(high)) {
       layer.mutable_relu_param()->set_negative_slope((std::log(high) - std::log(low)) /
                                                      (high - low));
       layer.clear_insanity_param();
@@ -262,11 +266,10 @@ void upgrade_volume(caffe::LayerParameter& layer) {
     p.clear_kernel_depth(), p.clear_temporal_stride();
     p.clear_kernel_l(), p.clear_stride_l(), p.clear_pad_l();
     layer.set_type("Pooling");
-  } else if (layer.type() == "PoolingND") {  // 3D-Caffe: the same size along all axes
+  } else if (layer.type() == "PoolingND" && !layer.has_pooling_param()) {  // 3D-Caffe
     caffe::PoolingParameter& p = *layer.mutable_pooling_nd_param();
-    if (p.pad() > 0 || p.global_pooling()) return;
-    set_axes(p.mutable_kernel_size_nd(), p.kernel_size(), p.kernel_size());
-    set_axes(p.mutable_stride_nd(), p.stride(), p.stride());
+    const bool is_padded = std::ranges::any_of(p.pad_nd(), [](uint32_t pad) { return pad > 0; });
+    if (p.pad() > 0 || is_padded || p.global_pooling()) return;
     layer.mutable_pooling_param()->Swap(&p);
     layer.clear_pooling_nd_param();
     layer.set_type("Pooling");

@@ -361,10 +361,12 @@ TEST(DetectionOutput, OfSynopsysPermutesItsInputs) {
   text += "input_param { ";
   for (const Tensor* t : {&maps[0], &maps[1], &maps[2], &maps[3], &priors})
     text += str("shape { dim: [", joined(t->shape.axes(), ", "), "] } ");
-  text +=
-      str("} } layer { name: 'd' type: 'DetectionOutput' bottom: 'c1' bottom: 'c2' bottom: 'l1' "
-          "bottom: 'l2' bottom: 'p' top: 'd' detection_output_param { ",
-          param, " no_permute: true nbottom: 2 } }");
+  text += "} }";
+  for (const std::string name : {"d", "e", "t"})
+    text += str("layer { name: '", name, "' type: 'DetectionOutput' bottom: 'c1' bottom: 'c2' ",
+                "bottom: 'l1' bottom: 'l2' bottom: 'p' top: '", name, "' ",
+                name == "t" ? "include { phase: TRAIN } " : "", "detection_output_param { ", param,
+                " no_permute: true nbottom: 2 } }");
   const TempDir folder;
   write_file(folder / "net.prototxt", text);
   const Net net = Net::load_without_weights(folder / "net.prototxt");
@@ -376,9 +378,12 @@ TEST(DetectionOutput, OfSynopsysPermutesItsInputs) {
                                      {"p", priors}})
     std::ranges::copy(tensor.values, run.input(name).data);
   run.forward();
-  const auto found = run.output("d");
-  EXPECT_EQ(found.shape, wanted.shape);
-  expect_near(std::vector<float>(found.data, found.data + found.shape.elements()), wanted.values);
+  EXPECT_EQ(net.outputs().size(), 2);
+  for (const char* name : {"d", "e"}) {
+    const auto found = run.output(name);
+    EXPECT_EQ(found.shape, wanted.shape);
+    expect_near(std::vector<float>(found.data, found.data + found.shape.elements()), wanted.values);
+  }
 }
 
 }  // namespace

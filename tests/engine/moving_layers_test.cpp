@@ -87,10 +87,12 @@ TEST(Slice, RefusesPointsOutOfOrder) {
 
 /// PPR-FCN: as many times as the second input has items, whatever `tiles` says.
 TEST(Tile, ForEachItemOfASecondInput) {
-  const auto found =
-      run_checked("Tile", "tile_param { tiles: 1 }", {count_up({1, 2}), count_up({3, 7})})[0];
-  EXPECT_EQ(found.shape, (Shape{1, 6}));
-  expect_near(found.values, {0, 1, 0, 1, 0, 1});
+  for (const std::string tiles : {"", "tiles: 1"}) {
+    const auto found = run_checked("Tile", "tile_param { " + tiles + " }",
+                                   {count_up({1, 2}), count_up({3, 7})})[0];
+    EXPECT_EQ(found.shape, (Shape{1, 6}));
+    expect_near(found.values, {0, 1, 0, 1, 0, 1});
+  }
 }
 
 TEST(Tile, RepeatsAlongAnAxis) {
@@ -100,7 +102,7 @@ TEST(Tile, RepeatsAlongAnAxis) {
   EXPECT_EQ(shape, (Shape{2, 4}));
   expect_near(run("Tile", "tile_param { axis: 0 tiles: 2 }", {1, 2}, {1, 2}), {1, 2, 1, 2});
   for (const std::string tiles : {"", "tiles: 0", "tiles: -1"})
-    expect_error<InputError>([&] { layer_of("Tile", "tile_param { " + tiles + " }"); }, {"tiles"});
+    expect_rejected("Tile", "tile_param { " + tiles + " }", {Shape{2, 2}}, {"tiles"});
   expect_rejected("Tile", "tile_param { tiles: 2147483647 }", {Shape{2, 2}}, {"more than"});
 }
 

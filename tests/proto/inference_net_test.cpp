@@ -293,6 +293,10 @@ TEST(InferenceNet, LayersInPythonOfPublicForks) {
   becomes(python("yolov2.darknet_reorg"), "Reorg", "reorg_param { stride: 2 }");
   becomes(python("interp.UpsamplingBilinear2d", "{'zoom_factor':2}"), "Upsample",
           "upsample_param { scale: 2 }");
+  becomes(python("interp.UpsamplingBilinear2d", "{'old_zoom_factor': 3, 'zoom_factor': '2'}"),
+          "Upsample", "upsample_param { scale: 2 }");
+  becomes(python("spatial_dropout.SpatialDropoutLayer", "{'drop': 0.5, 'p': 0.2}"), "Power",
+          "power_param { scale: 1.25 }");
   becomes(python("spatial_dropout.SpatialDropoutLayer", "{'phase': 'TEST', 'p': '0.2'}"), "Power",
           "power_param { scale: 1.25 }");
   becomes(python("triplet.l2norm_layer.L2NormLayer"), "Normalize",
@@ -304,6 +308,7 @@ TEST(InferenceNet, LayersInPythonOfPublicForks) {
   for (const std::string& same :
        {python("other.darknet_reorg"), python("interp.UpsamplingBilinear2d", "{'zoom_factor':1.5}"),
         python("interp.UpsamplingBilinear2d", "{'zoom': 2}"),
+        python("interp.UpsamplingBilinear2d", "{'zoom_factor': 2*2}"),
         python("spatial_dropout.SpatialDropoutLayer", "{'phase': 'TRAIN', 'p': '0.2'}"),
         python("spatial_dropout.SpatialDropoutLayer", "{'phase': 'TEST', 'p': '1'}")})
     EXPECT_TRUE(expect_net(same, same).empty());

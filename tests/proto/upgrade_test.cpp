@@ -318,10 +318,13 @@ TEST(Upgrade, LayersOfForksThatAnotherLayerComputes) {
                  layer("ReLU", "relu_param { negative_slope: 0.25541282 }"));
   expect_upgrade(layer("BReLU", "brelu_param { maxval: 2 }"),
                  layer("Clip", "clip_param { min: 0 max: 2 }"));
-  expect_upgrade(layer("PoolingND", "pooling_nd_param { pool: AVE kernel_size: 2 stride: 3 }"),
-                 layer("Pooling",
-                       "pooling_param { pool: AVE kernel_size: 2 stride: 3 "
-                       "kernel_size_nd: [2, 2, 2] stride_nd: [3, 3, 3] }"));
+  for (const auto& [given, wanted] :
+       {std::pair("stride: 3", "stride: 3"), std::pair("stride_h: 2", "stride_h: 2"),
+        std::pair("stride: 1 stride: 2", "stride: 1 stride_nd: [1, 2]")}) {
+    const std::string size = "{ pool: AVE kernel_size: 2 ";
+    expect_upgrade(layer("PoolingND", str("pooling_nd_param ", size, given, " }")),
+                   layer("Pooling", str("pooling_param ", size, wanted, " }")));
+  }
   expect_upgrade(
       layer("Reshape", "reshape_param { shape { dim: 1 } pixelshuffler: 2 }"),
       layer("DepthToSpace", "depth_to_space_param { block_size: 2 data_format: 'CRD' }"));
@@ -341,6 +344,9 @@ TEST(Upgrade, LayersOfForksThatAnotherLayerComputes) {
        {layer("Unpooling", "unpooling_param { unpool: AVE " + sizes, 2),
         layer("Unpooling", "unpooling_param { " + sizes), layer("Unpooling", "", 2),
         layer("PoolingND", "pooling_nd_param { kernel_size: 2 pad: 1 }"),
+        layer("PoolingND", "pooling_nd_param { kernel_size: 2 pad_nd: [0, 1, 0] }"),
+        layer("PoolingND", "pooling_nd_param { kernel_size: 2 } pooling_param { stride: 2 }"),
+        layer("Insanity", "insanity_param { ub: inf }"),
         layer("Insanity", "insanity_param { lb: -3 }"),
         layer("ResizeNearestNeighbor", "resize_nearest_neighbor_param { " + twice + "}")})
     expect_upgrade(same, same);

@@ -88,6 +88,19 @@ class Nets(unittest.TestCase):
         self.assertEqual(net.getLayerNames(), ('b', 'end'))
         net.setInput(np.ones((1, 1, 2, 2)))
         self.assertEqual(net.forward().ravel().tolist(), [4, 4, 4, 4])  # a Silence shows its input
+        taken = text.replace('name: "end" type: "Silence"', 'name: "b" type: "TanH" top: "t"')
+        self.assertEqual(dnn.readNetFromCaffe(taken.encode()).getLayerNames(), ('a', 'b'))  # as another layer has that name
+
+    def test_names_that_repeat_or_lack(self):
+        def add(name, value, bottom):
+            return f'layer {{ {name} type: "Power" bottom: "{bottom}" top: "{value}" power_param {{ shift: {value} }} }}\n'
+        start = 'input: "x" input_shape { dim: 1 dim: 1 }\n'
+        for names, expected in ((['name: "r"', 'name: "r"', 'name: "r_1"'], ('r', 'r_2', 'r_1')), (['', 'name: "s"', ''], ('', 's', '_1'))):
+            net = dnn.readNetFromCaffe((start + add(names[0], 1, 'x') + add(names[1], 10, '1') + add(names[2], 100, '10')).encode())
+            self.assertEqual(net.getLayerNames(), expected)
+            net.setInput(np.zeros((1, 1)))
+            for name, value in zip(expected, (1, 11, 111)):
+                self.assertEqual(net.forward(name)[0, 0], value if name else 111)  # '': the last layer
 
     def test_forward(self):
         self.net.setInput(self.blob)
@@ -150,6 +163,11 @@ class Nets(unittest.TestCase):
         self.assertEqual(net.getMemoryConsumption((1, 3, 8, 10))[0], 4 * (112 + 405))
         with self.assertRaisesRegex(revisit.InputError, 'conv.*getLayer'):
             net.forward()
+        net.setParam('conv', 1, np.zeros(4))
+        with self.assertRaisesRegex(revisit.InputError, 'conv.*getLayer'):  # its kernel is still missing
+            net.forward('conv')
+        with self.assertRaisesRegex(revisit.UsageError, "'conv' has 2 arrays"):
+            net.getLayer(1).blobs = []
         net.getLayer(1).blobs = [np.zeros((4, 3, 3, 3))]
         self.assertEqual(net.forward('conv').max(), 0)
         with self.assertRaises(revisit.InputError):
@@ -218,9 +236,12 @@ class Nets(unittest.TestCase):
         self.net.enableWinograd(False)
         with self.assertRaisesRegex(revisit.UnsupportedError, 'in a thread'):
             self.net.forwardAsync()
-        self.assertTrue(dnn.Net().empty())
-        with self.assertRaisesRegex(revisit.UsageError, 'empty'):
-            dnn.Net().forward()
+        empty = dnn.Net()
+        self.assertTrue(empty.empty())
+        for call in (empty.forward, empty.getPerfProfile, empty.getLayerTypes, lambda: empty.getLayersCount('ReLU'),
+                     lambda: empty.getFLOPS((1, 3, 8, 10))):
+            with self.assertRaisesRegex(revisit.UsageError, 'empty'):
+                call()
 
 
 class Reading(unittest.TestCase):
@@ -281,6 +302,7 @@ class Images(unittest.TestCase):
         model = dnn.ClassificationModel(net)
         self.assertEqual(model.setInputScale(1 / 255).classify(np.full((40, 50, 3), 255, np.uint8)), (4, 1.0))
         model.setInputParams(None, (10, 8), None)
+        model.setInputScale(None)
         self.assertEqual(model.classify(np.full((40, 50, 3), 255, np.uint8)), (4, 1.0))
         values = dnn.SegmentationModel(net).setOutputNames(['conv']).setInputSize(10, 8)
         self.assertEqual(values.segment(np.ones((40, 50, 3), np.uint8)).tolist(), np.full((8, 10), 3).tolist())

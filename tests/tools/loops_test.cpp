@@ -176,6 +176,21 @@ TEST_F(Loops, LocateScansInTheWorldOfTheMap) {
   EXPECT_EQ(read_file(path("there.map")), before) << "nothing is written";
 }
 
+TEST_F(Loops, OutputsReplaceNoInput) {
+  const std::string kept = path("kept.map"), twice = path("twice.txt");
+  run("map build " + path("town1") + " --every 40 --map " + kept + " -q");
+  const std::string before = read_file(kept);
+  for (const std::string& line :
+       {"map export " + kept + " --tum " + kept,
+        "map export " + kept + " --g2o " + path("town1/../kept.map"),
+        "map export " + kept + " --g2o " + twice + " --tum " + twice,
+        "loops " + path("town1") + " --map " + kept + " -o " + kept,
+        "loops " + path("town1") + " --poses " + twice + " --pose-frame lidar --tum " + twice})
+    expect_exit(2, {"is the file of", "would be overwritten"}, line);
+  EXPECT_EQ(read_file(kept), before);
+  EXPECT_FALSE(fs::exists(twice));
+}
+
 /// A room of 30 x 20 m with a pillar, as a cloud far from its origin.
 TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
   std::string points, y_down;  // y_down: in a camera's axes
@@ -221,7 +236,7 @@ TEST_F(Loops, MapsOfCloudsHaveVirtualScans) {
   expect_exit(2, {"--from-cloud"}, "map build " + path("site.pcd") + " --map x.map --poses y");
   points = y_down;
   write("y_down.pcd");
-  expect_exit(0, {"y_down.pcd: y seems to be up, because 5", "rotate the cloud"},
+  expect_exit(0, {"y_down.pcd: y seems to be up or down, because 5", "rotate the cloud"},
               "map build --from-cloud " + path("y_down.pcd") + " --map " + path("y_down.map"));
   write_file(path("utm.pcd"),
              "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\n"

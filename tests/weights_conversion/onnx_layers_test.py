@@ -144,10 +144,10 @@ class Layers(ConversionTest):
     def test_masks_lead_back(self):
         pooling = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { kernel_size: 3 stride: 2 pad: 1 }')
         back = layer('up', 'Upsample', ['pool', 'mask'], parameters='upsample_param { upsample_h: 9 upsample_w: 7 }')
-        self.export(input_layer(2, 3, 9, 7) + pooling + back, {}, {'data': numbers(2, 3, 9, 7)})
+        self.export(input_layer(2, 3, 9, 7) + pooling + back, {}, {'data': numbers(2, 3, 9, 7)}, '--fixed')
         whole = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { global_pooling: true }')
         equal = np.round(numbers(2, 3, 9, 7))  # the first of equal values
-        self.export(input_layer(2, 3, 9, 7) + whole + back, {}, {'data': equal})
+        self.export(input_layer(2, 3, 9, 7) + whole + back, {}, {'data': equal}, '--fixed')
         for pad in (0, 1):  # the last windows are outside of the image: their index is -1
             gaps = layer('pool', 'Pooling', top=['pool', 'mask'], parameters=f'pooling_param {{ kernel_size: 2 stride: 4 pad: {pad} }}')
             self.export(input_layer(2, 3, 9, 7) + gaps, {}, {'data': equal})

@@ -18,22 +18,25 @@ class Graph:
 
     text: prototxt in the current format; a repeated name of a layer has a number, as in OpenCV.
     inputs: names of input blobs. layers: without inputs, in order; the first has the number 1. As OpenCV's importer has it, a
-    Convolution has the name of its output blob, and is a layer for each output.
+    Convolution has the name of its output blob, unless another layer has it, and is a layer for each output.
     unread: numbers of the layers of which no layer reads an output. detections: names of DetectionOutput layers -> keep_top_k.
     crops: names of Crop layers without an offset.
     """
 
     def __init__(self, file):
         """file: a NetFile."""
-        known, names, renamed = Counter(), [], []
-        head, *parts = file.text().split('layer {\n  name: ')
+        given, known, names, renamed = {name for name, _ in file.layers}, Counter(), [], []
+        head, *parts = re.split(r'^layer \{\n', file.text(), flags=re.MULTILINE)
         for (name, _), part in zip(file.layers, parts):
             number = f'_{known[name]}' if known[name] else ''
+            while number and name + number in given:
+                known[name] += 1
+                number = f'_{known[name]}'
             known[name] += 1
             names.append(name + number)
-            quoted, rest = part.split('\n', 1)
+            quoted, rest = part.split('\n', 1) if part.startswith('  name: ') else ('  name: ""', part)
             renamed.append(f'{quoted[:-1]}{number}"\n{rest}')
-        self.text = 'layer {\n  name: '.join([head, *renamed])
+        self.text = 'layer {\n'.join([head, *renamed])
         graph = proto.resolve(file.to_bytes())
         values = graph.values
         read = {value for node in graph.nodes for value in node.inputs}
@@ -49,7 +52,7 @@ class Graph:
             layer = names[node.index]
             own = [engine.port_name(layer, i) for i in range(len(node.outputs))]
             ports.update(zip(node.outputs, own))
-            if node.type == 'Convolution':
+            if node.type == 'Convolution' and not given.difference([layer]).intersection(values[value][0] for value in node.outputs):
                 made = [(values[value][0], [port], [value]) for value, port in zip(node.outputs, own)]
             else:
                 made = [(layer, own or [ports[value] for value in node.inputs if value in ports], node.outputs)]

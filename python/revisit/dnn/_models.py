@@ -33,7 +33,7 @@ class Model:
     def setInputParams(self, scale: ArrayLike = 1.0, size: Sequence[int] = (0, 0), mean: ArrayLike = (), swapRB: bool = False,
                        crop: bool = False) -> None:
         """Sets the arguments of blobFromImage()."""
-        self._scale, self._size = 1.0 if scale is None else scale, (0, 0) if size is None else tuple(size)
+        self._scale, self._size = scale, (0, 0) if size is None else tuple(size)
         self._mean, self._swap, self._crop = mean, swapRB, crop
 
     def setInputSize(self, *size: Any) -> 'Model':
@@ -56,7 +56,7 @@ class Model:
         if min(self._size) < 1:
             raise UsageError('Model: the prototxt has no size of images; call setInputSize((width, height))')
         blob = blobFromImage(frame, 1.0, self._size, self._mean, self._swap, self._crop)
-        factors = scalar(self._scale)
+        factors = scalar(1.0 if self._scale is None else self._scale)
         if factors[1:].any():
             blob *= factors[: blob.shape[1]].astype(np.float32)[None, :, None, None]
         elif factors[0] != 1:

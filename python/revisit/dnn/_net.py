@@ -65,6 +65,8 @@ class Layer:
     @blobs.setter
     def blobs(self, arrays: Sequence[ArrayLike]) -> None:
         old = self._net._weights_of(self.name)
+        if not len(old) - 1 <= len(arrays) <= len(old) or not len(arrays):
+            raise UsageError(f"blobs: layer '{self.name}' has {len(old)} arrays of weights, found {len(arrays)}")
         for i, array in enumerate([*arrays, *(np.zeros_like(blob) for blob in old[len(arrays):])]):
             self._net.setParam(self.name, i, array)
 
@@ -82,19 +84,19 @@ class Net:
     """
 
     def __init__(self) -> None:
-        self._graph: Any = None
+        self._known_graph: Any = None
         self._net: Any = None
         self._problem: Any = None
         self._blobs, self._shapes = {}, {}  # by names of inputs: arrays, shapes for loading
-        self._missing = set()  # layers without weights
+        self._missing = {}  # layer -> indices of weights that neither the file nor setParam() gave
         self._changed = {}  # layer -> index -> weights that setParam() has set since loading
         self._runs = OrderedDict()  # outputs, threads and shapes -> run of the engine
         self._last, self._ticks = None, 0  # the last run and its time
 
     def _take(self, file, weights, names):
         """file: a NetFile. weights: bytes of a caffemodel; None: those in the file. names: of both for messages."""
-        self._graph = Graph(file)
-        self._inputs = list(self._graph.inputs)  # setInputsNames() renames them
+        self._known_graph = Graph(file)
+        self._inputs = list(self._known_graph.inputs)  # setInputsNames() renames them
         self._names, self._content = names, file.to_bytes() if weights is None else weights
         try:
             self._load()
@@ -105,7 +107,6 @@ class Net:
 
     def _load(self):
         """Returns the engine's net, with the present weights."""
-        self._check_not_empty()
         if self._net is None:
             self._net = self._read()
         if self._changed:
@@ -122,11 +123,11 @@ class Net:
         return self._net
 
     def _read(self):
-        shapes = {**self._shapes, **{name: blob.shape for name, blob in self._blobs.items()}}
+        text, shapes = self._graph.text, {**self._shapes, **{name: blob.shape for name, blob in self._blobs.items()}}
 
         def read(**options):
             with named(*self._names):
-                return engine.Net.load_from_memory(self._graph.text, self._content, allow_unknown=True, inputs=shapes, **options)
+                return engine.Net.load_from_memory(text, self._content, allow_unknown=True, inputs=shapes, **options)
 
         try:
             net = read()
@@ -135,25 +136,26 @@ class Net:
                 raise
             net = read(allow_missing=True)
             known = {name for name, n_arrays in proto.WeightsFile.from_bytes(self._content).layers if n_arrays}
-            self._missing = set(net.weights) - known
+            self._missing = {name: set(range(len(arrays))) for name, arrays in net.weights.items() if name not in known}
             self._problem = str(error)
         self._content = None
         return net
 
-    def _check_not_empty(self):
+    @property
+    def _graph(self):
         if self.empty():
             raise UsageError('this Net is empty; readNetFromCaffe() reads one')
+        return self._known_graph
 
     def empty(self) -> bool:
         """Returns True for Net()."""
-        return self._graph is None or not self._graph.layers
+        return self._known_graph is None or not self._known_graph.layers
 
     def setInput(self, blob: ArrayLike, name: str = '', scalefactor: float = 1.0, mean: ArrayLike = ()) -> None:
         """Copies an input: (blob - mean) * scalefactor as float32, with the mean of up to 4 channels.
 
         name: of the input blob; '': the first. The shape may differ from that of the prototxt.
         """
-        self._check_not_empty()
         given = np.asarray(blob)
         if given.dtype.kind not in 'fiub':
             raise UsageError(f'setInput: expected numbers, found an array of {given.dtype}')
@@ -170,9 +172,10 @@ class Net:
 
     def _input(self, name):
         """Returns the name of an input in the prototxt."""
+        inputs = self._graph.inputs
         if name and name not in self._inputs:
             raise UsageError(f"no input '{name}'; expected one of {', '.join(self._inputs)}")
-        return self._graph.inputs[self._inputs.index(name) if name else 0]
+        return inputs[self._inputs.index(name) if name else 0]
 
     def _shape(self):
         """Returns the first input's shape in the prototxt; () if it has none."""
@@ -180,14 +183,12 @@ class Net:
 
     def setInputsNames(self, inputBlobNames: Sequence[str]) -> None:
         """Renames the inputs, in the order of the prototxt."""
-        self._check_not_empty()
-        if len(inputBlobNames) != len(self._inputs):
+        if len(inputBlobNames) != len(self._graph.inputs):
             raise UsageError(f'setInputsNames: expected {len(self._inputs)} names, found {len(inputBlobNames)}')
         self._inputs = list(inputBlobNames)
 
     def setInputShape(self, inputName: str, shape: Sequence[int]) -> None:
         """Sets the shape of an input that has none in the prototxt. setInput() needs no call of this."""
-        self._check_not_empty()
         self._shapes[self._input(inputName)] = tuple(int(n) for n in shape)
 
     def forward(self, outputName: str | Sequence[str] | None = '', outputBlobs: Any = None, *, outBlobNames: Sequence[str] | None = None) -> Any:
@@ -198,7 +199,6 @@ class Net:
         Returns:
             The first output of the layer, a new array; for a list a tuple of them.
         """
-        self._check_not_empty()
         names = outputName if outBlobNames is None else outBlobNames
         if isinstance(names, str | None):
             return self._forward([self._node(names or len(self._graph.layers)).ports[:1]])[0][0]
@@ -227,7 +227,7 @@ class Net:
                     self._runs.popitem(last=False)
                 shapes = {name: blob.shape for name, blob in self._blobs.items()}
                 plan = self._cropping(net, shapes).truncated(list(ports)).plan(shapes, threads=threads())
-                if any(cost.name in self._missing for cost in plan.layers):
+                if any(self._missing.get(cost.name) for cost in plan.layers):
                     raise InputError(f'{self._problem}, or set them: net.getLayer(name).blobs = [...]')
                 self._runs[key] = plan.run()
             self._runs.move_to_end(key)
@@ -260,7 +260,6 @@ class Net:
 
     def _node(self, which):
         """which: the name or number of a layer."""
-        self._check_not_empty()
         number = self.getLayerId(which) if isinstance(which, str) else int(which)
         if not 1 <= number <= len(self._graph.layers):
             raise UsageError(f"no layer {which!r}; cv2.dnn knows outputs by names of layers, not of blobs: getLayerNames()")
@@ -281,7 +280,6 @@ class Net:
 
     def getUnconnectedOutLayers(self) -> NDArray[np.int32]:
         """Returns the numbers of the layers of which no layer reads an output, int32."""
-        self._check_not_empty()
         return np.array(self._graph.unread, np.int32)
 
     def getUnconnectedOutLayersNames(self) -> tuple[str, ...]:
@@ -316,7 +314,7 @@ class Net:
         if array.size != arrays[numParam].size:
             raise UsageError(f"setParam: layer '{name}': expected {arrays[numParam].size} values, found the shape {array.shape}")
         self._changed.setdefault(name, {})[numParam] = array.reshape(arrays[numParam].shape).copy()
-        self._missing.discard(name)
+        self._missing.get(name, set()).discard(numParam)
 
     def _costs(self, layer_and_shapes):
         """Returns the input shapes, the layers meant (all, or the one of a number before the shapes), and the engine's costs by name."""
@@ -324,6 +322,8 @@ class Net:
             raise UsageError('expected a shape for each input, found none')
         *layer, shapes = layer_and_shapes
         shapes = [shapes] if np.ndim(shapes[0]) == 0 else shapes
+        if self._net is None:  # the prototxt has none
+            self._shapes.update(zip(self._graph.inputs, map(tuple, shapes)))
         with named(*self._names):
             plan = self._load().plan(dict(zip(self._graph.inputs, map(tuple, shapes))), keep_all=True)
         return shapes, [self._node(number) for number in layer] or self._graph.layers, {cost.name: cost for cost in plan.layers}

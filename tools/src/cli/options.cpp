@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
@@ -358,8 +359,21 @@ Options::Parsed Options::parse(const Arguments& arguments) {
   return Parsed::kRun;
 }
 
+/// An output would overwrite an input or another output.
+void Options::check_output(const Row& output) const {
+  std::error_code error;
+  const std::filesystem::path file = weakly_canonical(std::filesystem::path(output.text()), error);
+  for (const Row& other : rows_)
+    if (&other != &output && (other.is_path || other.metavar == "FILE") && !other.text().empty() &&
+        other.text() != "-" && std::filesystem::weakly_canonical(other.text(), error) == file)
+      throw UsageError(output.spelled(), ": ", file.string(), " is the file of ", other.spelled(),
+                       ", too, and would be overwritten; give another file");
+}
+
 void Options::check_rows() const {
+  constexpr std::array kOutputs = {"cloud", "g2o", "graph", "output", "tum"};
   for (const Row& row : rows_) {
+    if (std::ranges::find(kOutputs, row.name) != kOutputs.end()) check_output(row);
     if (row.is_required && !row.is_argument && row.source == Source::kDefault)
       throw UsageError("missing required option ", row.spelled(), " ", row.metavar);
     if (row.source != Source::kCommandLine) continue;

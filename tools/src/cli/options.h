@@ -242,6 +242,7 @@ class Options {
   void read_environment();
   void set_arguments(const Arguments& words);
   void check_rows() const;
+  void check_output(const Row& output) const;
 
   std::string command_, group_;
   bool settings_ = true;

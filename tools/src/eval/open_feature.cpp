@@ -240,16 +240,15 @@ std::vector<PointCloud> mounted_scans(const FeatureOptions& options, const Datas
 
 std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset,
                            const std::string& map_key) {
-  const bool sees_image = options.feature == "cnn" || options.feature == "data" ||
-                          (options.feature == "ring" && options.ring.empty());
+  const bool is_ring = options.feature == "ring";
+  const bool sees_image =
+      options.feature == "cnn" || options.feature == "data" || (is_ring && options.ring.empty());
   const auto has = [&](const std::vector<std::string>& names) {
     return std::ranges::find(names, options.image.sensor) != names.end();
   };
-  const bool nearest =
-      options.feature == "ring" && has(sensor_names()) && !has(shipped_ring_models());
+  const bool nearest = is_ring && has(sensor_names()) && !has(shipped_ring_models());
   if (!sees_image || !(options.image.is_auto() || nearest)) return "";
   const std::vector<PointCloud> scans = mounted_scans(options, dataset);
-  const bool is_ring = options.feature == "ring";
   if (scans.empty() && !(is_ring && !shipped_ring_sensor(map_key).empty())) return "";
   if (!is_ring) return options.image.resolve(scans);
   const auto [sensor, reason] = choose_ring_model(

@@ -84,22 +84,21 @@ Site read_site(const FeatureOptions& options) {
 
 /// A floor has many points at one height, also among walls and on a slope.
 void warn_if_tilted(const Site& site, const std::string& name) {
-  constexpr float kLayer = 0.5F;              // [m]
-  constexpr double kFloor = 0.05, kMuch = 3;  // of a hilly town 0.07; 5 times the share across z
-  const std::string axes = "xyz";
-  std::array<int64_t, 3> fullest{};
-  for (int axis = 0; axis < 3; ++axis)
-    for (std::map<int, int64_t> layers; const Eigen::Vector3f& point : site.points)
+  constexpr float kLayer = 0.5F;            // [m]
+  constexpr int64_t kFloor = 5, kMuch = 3;  // of a hilly town 6 %; 6 times the share across z
+  std::array<int64_t, 3> fullest{};         // percent
+  for (int axis = 0; axis < 3; ++axis) {
+    std::map<int, int64_t> layers;
+    for (const Eigen::Vector3f& point : site.points)
       fullest[axis] =
           std::max(fullest[axis], ++layers[static_cast<int>(std::floor(point[axis] / kLayer))]);
+    fullest[axis] = 100 * fullest[axis] / std::ssize(site.points);
+  }
   const auto up = std::ranges::max_element(fullest) - fullest.begin();
-  const auto share = [&](auto axis) {
-    return static_cast<double>(fullest[axis]) / static_cast<double>(site.points.size());
-  };
-  if (share(up) > std::max(kFloor, kMuch * share(2)))
-    warn(str(name, ": ", axes[up], " seems to be up, because ", std::lround(100 * share(up)),
-             " % of the points are in a layer of 0.5 m across it, and ",
-             std::lround(100 * share(2)), " % across z; rotate the cloud so that z is up"));
+  if (fullest[up] > std::max(kFloor, kMuch * fullest[2]))
+    warn(str(name, ": ", "xyz"[up], " seems to be up or down, because ", fullest[up],
+             " % of the points are in a layer of 0.5 m across it, and ", fullest[2],
+             " % across z; rotate the cloud so that z is up"));
 }
 
 /// Rows of beams and columns of azimuth. Each point covers its voxel, so that what lies behind a

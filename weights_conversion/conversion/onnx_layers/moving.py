@@ -174,6 +174,7 @@ def _upsample(g, site):
                        coordinate_transformation_mode='asymmetric', nearest_mode='floor')]
     lead = g.shape(site.x[0], 0, 2)
     if p.HasField('upsample_h') and p.HasField('upsample_w'):
+        site.require_fixed('upsample_h and upsample_w depend on')
         size = g.integers(p.upsample_h, p.upsample_w)
     else:
         hw = p.HasField('scale_h') or p.HasField('scale_w')

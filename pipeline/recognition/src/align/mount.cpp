@@ -58,12 +58,14 @@ struct Axes {
 const std::array kAxes{
     Axes{-Eigen::Vector3f::UnitZ(), 1, ""},
     Axes{Eigen::Vector3f::UnitZ(), 0,
-         "the ground is above: the sensor is upside down; take the mount 180,0,0,0,0,0"},
+         "the ground is above: the sensor is upside down; take the mount 180,0,0,0,0,0, "
+         "after one that is given"},
     Axes{Eigen::Vector3f::UnitY(), 3,
          "the ground is at +y, as with a camera's axes (x right, y down, z forward); take the "
-         "mount -90,0,-90,0,0,0"},
+         "mount -90,0,-90,0,0,0, after one that is given"},
     Axes{-Eigen::Vector3f::UnitY(), 2,
-         "the ground is at -y, as with axes whose y points upwards; take the mount 90,0,0,0,0,0"},
+         "the ground is at -y, as with axes whose y points upwards; take the mount 90,0,0,0,0,0, "
+         "after one that is given"},
 };
 
 std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
