@@ -257,10 +257,10 @@ class Tile : public Layer {
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     expect_1_or_2(inputs.size(), "inputs");
     expect_count(n_outputs, 1, "outputs");
-    if (inputs.size() == 1 && param_.tiles() < 1)
-      throw InputError("tiles must be given and at least 1, found ", param_.tiles());
+    const int64_t times = tiles(inputs);
+    if (times < 1) throw InputError("tiles must be given and at least 1, found ", times);
     const size_t axis = *only_axis(inputs[0]);
-    return {inputs[0].with(axis, inputs[0][axis] * tiles(inputs))};
+    return {inputs[0].with(axis, inputs[0][axis] * times)};
   }
 
   std::optional<size_t> only_axis(const Shape& input) const override {
@@ -282,7 +282,7 @@ class Tile : public Layer {
 
  private:
   int64_t tiles(const std::vector<Shape>& inputs) const {
-    return inputs.size() == 1 ? param_.tiles() : inputs[1].rank() > 0 ? inputs[1][0] : 1;
+    return inputs.size() == 2 && inputs[1].rank() > 0 ? inputs[1][0] : param_.tiles();
   }
 
   caffe::TileParameter param_;

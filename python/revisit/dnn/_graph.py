@@ -52,7 +52,7 @@ class Graph:
             layer = names[node.index]
             own = [engine.port_name(layer, i) for i in range(len(node.outputs))]
             ports.update(zip(node.outputs, own))
-            if node.type == 'Convolution' and not given.difference([layer]).intersection(values[value][0] for value in node.outputs):
+            if node.type == 'Convolution' and all(values[value][0] == layer or values[value][0] not in given for value in node.outputs):
                 made = [(values[value][0], [port], [value]) for value, port in zip(node.outputs, own)]
             else:
                 made = [(layer, own or [ports[value] for value in node.inputs if value in ports], node.outputs)]

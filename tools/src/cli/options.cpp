@@ -364,7 +364,7 @@ void Options::check_output(const Row& output) const {
   std::error_code error;
   const std::filesystem::path file = weakly_canonical(std::filesystem::path(output.text()), error);
   for (const Row& other : rows_)
-    if (&other != &output && (other.is_path || other.metavar == "FILE") && !other.text().empty() &&
+    if (&other != &output && (other.is_path || other.metavar == "FILE") && !file.empty() &&
         other.text() != "-" && std::filesystem::weakly_canonical(other.text(), error) == file)
       throw UsageError(output.spelled(), ": ", file.string(), " is the file of ", other.spelled(),
                        ", too, and would be overwritten; give another file");
