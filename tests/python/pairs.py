@@ -39,7 +39,10 @@ def distorted(points, rng):
 
 def pairs_of(drive, count, apart=5, seed=1):
     """Returns random pairs (query, place) of a revisit and an earlier visit, up to `apart` meters away."""
-    scans = list(open_recording(drive).scans())
+    return revisits_of(list(open_recording(drive).scans()), count, apart, seed)
+
+
+def revisits_of(scans, count, apart=5, seed=1):
     at = np.array([scan.pose[:3, 3] for scan in scans])
     driven = np.r_[0, np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))]
     pairs = [(i, k) for i in range(len(scans)) for k in range(i)
@@ -48,25 +51,33 @@ def pairs_of(drive, count, apart=5, seed=1):
     return [(scans[pairs[i][0]], scans[pairs[i][1]]) for i in chosen]
 
 
-def registered(pairs, register=registration.register_scans, seed=1):
+def real_pairs(drive, poses, count):
+    """Returns pairs of consecutive scans and of revisits of a drive, by its file of the LiDAR's poses in the format of KITTI."""
+    poses = [np.vstack([pose.reshape(3, 4), [0, 0, 0, 1]]) for pose in np.loadtxt(poses)]
+    scans = [scan._replace(pose=pose) for scan, pose in zip(open_recording(drive).scans(), poses)]
+    first = np.random.default_rng(1).permutation(len(scans) - 1)[:count]
+    return {'consecutive': [(scans[k + 1], scans[k]) for k in first], 'revisits': revisits_of(scans, count)}
+
+
+def registered(pairs, register=registration.register_scans, seed=1, prepare=distorted):
     """Yields ground truth and Registration of pairs of distorted scans, with an initial yaw error of 1 degree (standard deviation)."""
     prepared = {}
     rng = np.random.default_rng(seed)
     for pair in pairs:
         for scan in pair:
             if scan.frame not in prepared:
-                prepared[scan.frame] = registration.PreparedScan(distorted(scan.points(), rng))
+                prepared[scan.frame] = registration.PreparedScan(prepare(scan.points(), rng))
         query, place = pair
         truth = np.linalg.inv(place.pose) @ query.pose
         turn = np.arctan2(truth[1, 0], truth[0, 0]) + rng.normal(0, np.radians(1))
         yield truth, register(prepared[query.frame], prepared[place.frame], turn)
 
 
-def normalized_squares(registrations):
-    """Returns the NEES e^T I e of accepted pairs (truth, Registration): 6 DoF, mean 6 if consistent."""
+def normalized_squares(registrations, dof=slice(6)):
+    """Returns the NEES e^T I e of accepted pairs (truth, Registration) over some degrees of freedom: mean 6 of all, if consistent."""
     found = []
     for truth, result in registrations:
         if result.fits:
-            error = error_of(result.T_place_query, truth)
-            found.append(error @ result.information @ error)
+            error = error_of(result.T_place_query, truth)[dof]
+            found.append(error @ np.linalg.solve(np.linalg.inv(result.information)[dof][:, dof], error))
     return np.array(found)
