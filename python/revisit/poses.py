@@ -71,8 +71,7 @@ def matrix_of(numbers, file) -> np.ndarray:
 
 def nearest(times, wanted):
     """Returns the index of the time nearest to each wanted time, and their distance. times: ascending."""
-    after = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
-    after = np.minimum(after, len(times) - 1)
+    after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
     before = np.maximum(after - 1, 0)
     index = np.where(abs(times[before] - wanted) <= abs(times[after] - wanted), before, after)
     return index, abs(times[index] - wanted)

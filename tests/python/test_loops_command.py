@@ -262,6 +262,10 @@ class Drives(Command):
                 self.assertEqual(one['match_frame'], 20 * other['match_frame'])
                 at = matrices[other['frame'], :3, 3] if frame == 'lidar' else list(one['position'].values())
                 np.testing.assert_allclose(list(other['position'].values()), at, atol=1e-5)
+        for scale in 1, 1000, 0:  # meters, millimeters, odometry that stands still or equal stamps
+            np.savetxt(file, (self.lidar[:, :3] * [1, 1, 1, scale]).reshape(-1, 12), fmt='%.12g')
+            messages = run('loops', self.arrays, *far, '--poses', file, '--pose-frame', 'lidar')[2]
+            self.assertEqual('expected meters, and scans with stamps that increase' in messages, scale != 1, messages)
         file.write_text('0 0 0 0 0 0 0 1\n')
         self.fails(3, 'the scans have none', self.arrays, '--poses', file, '--pose-frame', 'lidar')
         file.write_text('1 0 0 0 0 1 0 0 0 0 1 0\n')

@@ -335,7 +335,7 @@ TEST_F(Loops, ScansAreListedOrComeToAFolder) {
   std::ranges::sort(scans);
   {
     std::ofstream list(*folder_ / "list.txt");
-    for (const fs::path& scan : scans) list << scan.string() << "\n";
+    for (const fs::path& scan : scans) list << scan.string() << "\r\n";  // as on Windows
   }
   const std::string options = " --exclusion frames=300 --threshold 0 --drive town -q";
   const std::string listed = path("listed.csv");

@@ -21,16 +21,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Pose calibration_of(const ScanRef& scan) {
-  const fs::path file = scan.file.parent_path().parent_path() / "calib.txt";
-  return fs::exists(file) ? read_kitti_calibration(file) : axes_of_camera();
-}
-
 /// Reads one file name per line and skips empty lines. Frames are numbered as in a folder, by names
 /// if their numbers ascend.
 ScanStream scans_listed_in(std::istream& list, std::string first) {
   return [&list, line = std::move(first), last = -1]() mutable -> std::optional<ScanRef> {
-    while (line.empty() && std::getline(list, line)) continue;
+    do {
+      if (line.ends_with('\r')) line.pop_back();  // of a list that was written on Windows
+    } while (line.empty() && std::getline(list, line));
     if (line.empty()) return std::nullopt;
     ScanRef scan;
     scan.file = std::exchange(line, "");
@@ -40,10 +37,9 @@ ScanStream scans_listed_in(std::istream& list, std::string first) {
   };
 }
 
-/// Scans of a growing data set: those that exist and those that come while it is watched. A file is
-/// complete once a later one exists or its size stays the same for a moment. Ends if interrupted or
-/// if no scan came for `patience` seconds. An InputError of `so_far` is then thrown if no scan ever
-/// came, else printed as a warning.
+/// Scans of a data set, and those that come while it is watched. A file is complete once a later
+/// one exists or its size stays for a moment. Ends if interrupted or if none came for `patience`
+/// seconds; an InputError of `so_far` is then thrown if none ever came, else printed.
 ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience) {
   using Clock = std::chrono::steady_clock;
   struct Watch {
@@ -77,7 +73,6 @@ ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience)
     }
   };
   return [=, watch = std::make_shared<Watch>()]() -> std::optional<ScanRef> {
-    constexpr auto kMoment = std::chrono::milliseconds(100);
     const Clock::time_point start = Clock::now();
     while (watch->ready.empty()) {
       look(*watch);
@@ -88,7 +83,7 @@ ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience)
         if (watch->error) warn(watch->error->what());
         return std::nullopt;
       }
-      std::this_thread::sleep_for(kMoment);
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
     ScanRef scan = std::move(watch->ready.front());
     watch->ready.pop_front();
@@ -173,10 +168,8 @@ ScanSource standard_input(const FeatureOptions& data, bool is_followed) {
   Dataset dataset;
   while (std::optional<ScanRef> scan = scans.next()) dataset.scans.push_back(std::move(*scan));
   if (dataset.scans.empty()) throw InputError(name, ": there are no scans");
-  const bool have_times =
-      std::ranges::all_of(dataset.scans, [](const ScanRef& scan) { return scan.time.has_value(); });
-  for (ScanRef& scan : dataset.scans)
-    if (!have_times) scan.time.reset();
+  if (!std::ranges::all_of(dataset.scans, &std::optional<double>::has_value, &ScanRef::time))
+    for (ScanRef& scan : dataset.scans) scan.time.reset();
   find_point_times(dataset, data.point_times);
   const auto count = std::ssize(dataset.scans);
   return {stream_of(dataset.scans), std::move(dataset), count};
@@ -206,7 +199,8 @@ void warn_of_folders(const fs::path& data, const Dataset& dataset) {
 
 std::vector<ScanRef> with_sensor_poses(Dataset dataset) {
   if (dataset.camera_axes) {
-    const Pose T_cam_sensor = calibration_of(dataset.scans.front());
+    const fs::path calib = dataset.scans[0].file.parent_path().parent_path() / "calib.txt";
+    const Pose T_cam_sensor = fs::exists(calib) ? read_kitti_calibration(calib) : axes_of_camera();
     for (ScanRef& scan : dataset.scans)
       if (scan.pose) scan.pose = *scan.pose * T_cam_sensor;
   }
@@ -286,7 +280,15 @@ std::vector<ScanRef> PoseOptions::scans_of(const Dataset& dataset) const {
   const Pose ahead = *of_camera ? axes_of_camera() : Pose::Identity();
   std::vector<ScanRef> scans = dataset.scans;
   const std::vector<Pose> poses = poses_of(read_timed_poses(file), scans, max_gap);
-  for (size_t i = 0; i < scans.size(); ++i) scans[i].pose = poses[i] * T_body_lidar.value_or(ahead);
+  double path = 0;
+  for (size_t i = 0; i < scans.size(); ++i) {
+    scans[i].pose = poses[i] * T_body_lidar.value_or(ahead);
+    path += i > 0 ? (poses[i].translation() - poses[i - 1].translation()).norm() : 0;
+  }
+  const double step = path / static_cast<double>(scans.size());  // [m]
+  if (scans.size() >= 10 && (step < 1e-3 || step > 50))
+    warn(str(file.string(), ": its poses of ", scans.size(), " scans have a path of ", path,
+             " m; expected meters, and scans with stamps that increase"));
   return scans;
 }
 
