@@ -144,7 +144,7 @@ def speed_engines():
 @chart
 def speed_peers():
     """How fast compared with ONNX Runtime and OpenVINO?"""
-    times_as_long('speed_peers', 'AMD EPYC (Zen 4)', onnxruntime=('ONNX Runtime 1.32', CONTEXT), openvino=('OpenVINO 2026.4', TRAINED))
+    times_as_long('speed_peers', 'AMD EPYC (Zen 3)', onnxruntime=('ONNX Runtime 1.32', CONTEXT), openvino=('OpenVINO 2026.4', TRAINED))
 
 
 @chart
