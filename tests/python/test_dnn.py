@@ -76,7 +76,7 @@ class Nets(unittest.TestCase):
         self.assertEqual((net.getLayerId('fc'), net.getLayerId('data'), net.getLayerId('nix')), (4, -1, -1))
         self.assertEqual((list(net.getUnconnectedOutLayers()), net.getUnconnectedOutLayersNames()), ([5], ('prob',)))
         self.assertEqual((net.getLayer(2).name, net.getLayer('conv_1').type), ('conv_1', 'ReLU'))
-        self.assertEqual(net.getLayersCount('ReLU'), 1)
+        self.assertEqual([net.getLayersCount(kind) for kind in ('ReLU', '__NetInputLayer__', 'other')], [1, 1, 0])
         self.assertEqual([net.getLayer(0).outputNameToIndex(name) for name in ('data', 'im_info')], [0, -1])
         self.assertIn('__NetInputLayer__', net.getLayerTypes())
 
@@ -216,8 +216,15 @@ class Nets(unittest.TestCase):
         net.setInput(np.arange(54).reshape(1, 1, 6, 9), 'x')
         net.setInput(np.zeros((1, 1, 2, 3)), 'y')
         self.assertEqual(net.forward().ravel().tolist(), [0, 1, 2, 9, 10, 11])
+        padded = (b'input: "x" input_shape { dim: 1 dim: 1 dim: 6 dim: 6 } layer { name: "c" type: "Convolution" bottom: "x" top: "c" '
+                  b'convolution_param { num_output: 1 kernel_size: 1 pad: 2 } } layer { name: "k" type: "Crop" bottom: "c" bottom: "x" top: "k" }')
+        with self.assertWarnsRegex(UserWarning, 'has no crop_param'):
+            dnn.readNetFromCaffe(padded)
         dnn.registerLayer('Crop', CropLayer)
         self.addCleanup(dnn._net._registered.clear)
+        with warnings.catch_warnings():
+            warnings.simplefilter('error')
+            dnn.readNetFromCaffe(padded)
         net.setInput(np.zeros((1, 1, 4, 3)), 'y')
         self.assertEqual(net.forward()[0, 0, :, 0].tolist(), [12, 21, 30, 39])
         with self.assertRaisesRegex(revisit.UnsupportedError, "expected 'Crop'"):
@@ -310,15 +317,22 @@ class Images(unittest.TestCase):
         frame[8:10, 4:6] = 9
         points = dnn.KeypointsModel(net).setOutputNames(['conv']).estimate(frame, 0)
         self.assertEqual(points.tolist(), [[-1, -1], [4, 8], [4, 8]])
+        detector = dnn.DetectionModel(network=net)
+        self.assertFalse(detector.getNmsAcrossClasses())
         with self.assertRaisesRegex(revisit.UnsupportedError, 'Softmax; use predict'):
-            dnn.DetectionModel(net).setNmsAcrossClasses(True).detect(frame)
+            detector.setNmsAcrossClasses(True).detect(frame)
+        self.assertTrue(detector.getNmsAcrossClasses())
+        self.assertFalse(model.getEnableSoftmaxPostProcessing())
+        self.assertIs(model.setEnableSoftmaxPostProcessing(enable=True), model)
+        self.assertTrue(model.getEnableSoftmaxPostProcessing())
 
 
 def cv2_without_caffe():
     """Returns a module like cv2 of OpenCV 5."""
     names = {name: lambda *arguments, name=name: (name, arguments) for name in (
         'readNet', 'ClassificationModel', 'DetectionModel', 'KeypointsModel', 'Model', 'SegmentationModel')}
-    return types.SimpleNamespace(dnn=types.SimpleNamespace(**names), dnn_registerLayer=lambda *arguments: arguments)
+    return types.SimpleNamespace(dnn=types.SimpleNamespace(**names), dnn_registerLayer=lambda *arguments: arguments,
+                                 dnn_unregisterLayer=lambda *arguments: arguments)
 
 
 class Install(unittest.TestCase):
@@ -328,19 +342,24 @@ class Install(unittest.TestCase):
             dnn.install()
             (folder / 'net.caffemodel').write_bytes(weights_of(nets.SCALE))
             files = str(folder / 'net.prototxt'), str(folder / 'net.caffemodel')
-            for net in (cv2.dnn.readNetFromCaffe(*files), cv2.dnn.readNet(*files[::-1])):
+            for net in (cv2.dnn.readNetFromCaffe(*files), cv2.dnn.readNet(*files[::-1]), cv2.dnn.readNet(*map(Path, files)),
+                        cv2.dnn.Model(model=files[1], config=Path(files[0]))._net):
                 self.assertEqual(net.getLayerNames(), ('power',))
                 self.assertIsInstance(cv2.dnn_DetectionModel(net), dnn.DetectionModel)
             self.assertEqual(cv2.dnn.readNet('a.onnx'), ('readNet', ('a.onnx',)))
             self.assertEqual(cv2.dnn.Model('a.onnx'), ('Model', ('a.onnx',)))
             self.assertEqual(cv2.dnn_registerLayer('Other', list), ('Other', list))
+            self.assertEqual(cv2.dnn_unregisterLayer('Other'), ('Other',))
+            self.assertIsNone(cv2.dnn_registerLayer('Crop', list))
+            self.assertIsNone(cv2.dnn_unregisterLayer('Crop'))
+            self.assertEqual(cv2.dnn_unregisterLayer('Crop'), ('Crop',))
             read = cv2.dnn.readNetFromCaffe
             dnn.install()
             self.assertIs(cv2.dnn.readNetFromCaffe, read)
 
     def test_runs_a_script(self):
         with tempfile.TemporaryDirectory() as folder:
-            Path(folder, 'cv2.py').write_text('dnn_registerLayer = None\nclass dnn:\n    readNet = ClassificationModel = DetectionModel = KeypointsModel = Model '
+            Path(folder, 'cv2.py').write_text('dnn_registerLayer = dnn_unregisterLayer = None\nclass dnn:\n    readNet = ClassificationModel = DetectionModel = KeypointsModel = Model '
                                               '= SegmentationModel = None\n')
             Path(folder, 'script.py').write_text('import cv2, sys\nprint(cv2.dnn.readNetFromCaffe.__module__, sys.argv[1])\n')
             done = subprocess.run([sys.executable, '-m', 'revisit.dnn', f'{folder}/script.py', 'word'], capture_output=True, text=True,

@@ -1,6 +1,7 @@
 """ONNX models of layers that suppress boxes, against the engine."""
 
 import numpy as np
+import onnx
 
 from conversion import onnx_export
 from support import ConversionTest, input_layer, layer, numbers
@@ -71,6 +72,8 @@ class Detections(ConversionTest):
         printed = self.convert('onnx', prototxt, model, self.path('net.onnx'), '--fixed')
         self.assertIn("boxes: 1 of 1 rows of the engine are among ONNX Runtime's 1", printed)
         self.assertEqual(onnx_export.Model(str(self.path('net.onnx'))).output_names(), ['boxes'])
+        sizes = onnx.load(self.path('net.onnx')).graph.output[0].type.tensor_type.shape.dim
+        self.assertEqual([dim.dim_value for dim in sizes], [0] * 4)  # the number of boxes is not known
 
     def test_what_onnx_cannot_do_is_refused(self):
         for message, nms in (('eta below 1', 'nms_threshold: 0.7 eta: 0.5'), ('nms_threshold: expected 0 to 1', 'nms_threshold: 1.5')):

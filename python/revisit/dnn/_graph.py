@@ -28,10 +28,8 @@ class Graph:
         given, known, names, renamed = {name for name, _ in file.layers}, Counter(), [], []
         head, *parts = re.split(r'^layer \{\n', file.text(), flags=re.MULTILINE)
         for (name, _), part in zip(file.layers, parts):
-            number = f'_{known[name]}' if known[name] else ''
-            while number and name + number in given:
+            while (number := f'_{known[name]}' if known[name] else '') and name + number in given:
                 known[name] += 1
-                number = f'_{known[name]}'
             known[name] += 1
             names.append(name + number)
             quoted, rest = part.split('\n', 1) if part.startswith('  name: ') else ('  name: ""', part)

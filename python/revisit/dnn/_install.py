@@ -8,7 +8,7 @@ from . import _models, _net
 
 def _is_caffe(arguments):
     """True for the files of a Caffe network, for readNet()'s framework 'caffe', and for a Net of revisit."""
-    words = [argument.lower() for argument in arguments if isinstance(argument, str)]
+    words = [str(argument).lower() for argument in arguments if isinstance(argument, str) or hasattr(argument, '__fspath__')]
     return any(isinstance(argument, _net.Net) for argument in arguments) or any(
         word == 'caffe' or word.endswith(('.caffemodel', '.prototxt')) for word in words)
 
@@ -32,8 +32,9 @@ def install() -> None:
         return
     cv2.dnn.readNetFromCaffe = _net.readNetFromCaffe
     cv2.dnn.readNet = _either(_net.readNet, cv2.dnn.readNet)
-    register = cv2.dnn_registerLayer
+    register, unregister = cv2.dnn_registerLayer, cv2.dnn_unregisterLayer
     cv2.dnn_registerLayer = lambda type, cls: (_net.registerLayer if type == 'Crop' else register)(type, cls)
+    cv2.dnn_unregisterLayer = lambda type: None if _net._registered.pop(type, None) else unregister(type)
     for name in ('ClassificationModel', 'DetectionModel', 'KeypointsModel', 'Model', 'SegmentationModel'):
         chosen = _either(getattr(_models, name), getattr(cv2.dnn, name))
         setattr(cv2.dnn, name, chosen)

@@ -24,8 +24,8 @@ def _setter(name):
 class Model:
     """A net and how images become its input. Model(net), or Model(model, config) with paths."""
 
-    def __init__(self, network: Any, config: Any = ''):
-        self._net = network if isinstance(network, Net) else readNet(network, config)
+    def __init__(self, network: Any = None, config: Any = '', *, model: Any = ''):
+        self._net = network if isinstance(network, Net) else readNet(model if network is None else network, config)
         shape = self._net._shape()
         self.setInputParams(size=shape[:1:-1] if len(shape) == 4 else (0, 0))
         self._outputs = self._net.getUnconnectedOutLayersNames()
@@ -79,18 +79,12 @@ class Model:
 class ClassificationModel(Model):
     """Model that classifies images."""
 
-    def __init__(self, network: Any, config: Any = ''):
-        super().__init__(network, config)
-        self._softmax = False
-
-    def setEnableSoftmaxPostProcessing(self, enable: bool) -> 'ClassificationModel':
-        """Computes a softmax of the output, for nets that end without one."""
-        self._softmax = bool(enable)
-        return self
+    _softmax = False
+    setEnableSoftmaxPostProcessing = _setter('_softmax')
 
     def getEnableSoftmaxPostProcessing(self) -> bool:
-        """Returns whether classify() computes a softmax."""
-        return self._softmax
+        """Returns whether classify() computes a softmax of the output, for nets that end without one."""
+        return bool(self._softmax)
 
     def classify(self, frame: ArrayLike) -> tuple[int, float]:
         """Returns the best class and its value."""
@@ -104,7 +98,12 @@ class ClassificationModel(Model):
 class DetectionModel(Model):
     """Model whose net ends with a DetectionOutput: SSD, Faster R-CNN. setNmsAcrossClasses() does nothing, as in cv2.dnn for such nets."""
 
+    _across = False
     setNmsAcrossClasses = _setter('_across')
+
+    def getNmsAcrossClasses(self) -> bool:
+        """Returns what setNmsAcrossClasses() has set."""
+        return bool(self._across)
 
     def detect(self, frame: ArrayLike, confThreshold: float = 0.5, nmsThreshold: float = 0.0) -> tuple[Any, Any, Any]:
         """Returns classes, confidences, and boxes (left, top, width, height) [pixels]; () if there is none."""

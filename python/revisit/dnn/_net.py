@@ -292,7 +292,7 @@ class Net:
 
     def getLayersCount(self, layerType: str) -> int:
         """Returns the number of layers of a type."""
-        return sum(layer.type == layerType for layer in self._graph.layers)
+        return sum(layer.type == layerType for layer in self._graph.layers) + (layerType == _INPUT)
 
     def _weights_of(self, layer):
         """Returns views of the weights in OpenCV's shapes."""
@@ -409,7 +409,8 @@ def readNetFromCaffe(prototxt: Any = None, caffeModel: Any = '', *, bufferProto:
         text_name = os.fspath(prototxt)
         file = proto.read_net(text_name, allow_unknown_fields=True)
     for note in file.warnings:
-        warnings.warn(note, stacklevel=2)
+        if 'Crop' not in _registered or 'has no crop_param' not in note:
+            warnings.warn(note, stacklevel=2)
     if _is_buffer(caffeModel):
         weights, name = _content(caffeModel) or None, '<weights>'
     elif not caffeModel:
