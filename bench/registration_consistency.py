@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests/python'))
-from pairs import error_of, normalized_squares, pairs_of, real_pairs, registered  # noqa: E402
+from pairs import WITHOUT_HEIGHT, as_they_are, error_of, normalized_squares, pairs_of, real_pairs, registered  # noqa: E402
 
 WRONG = 1  # error of a pair that fits another place [m]: it is counted, and has no part in the NEES
 
@@ -38,9 +38,9 @@ def main():
     print(f'{"drive":26}{"pairs":>6}{"accepted":>9}{"wrong":>6}{"mean":>8}{"median":>8}{"90 %":>8}{"largest":>9}{"error [m]":>11}{"[deg]":>8}')
     if o.poses:
         for name, pairs in real_pairs(o.drives[0], o.poses, o.pairs).items():
-            results = list(registered(pairs, prepare=lambda points, _: points))
+            results = list(registered(pairs, prepare=as_they_are))
             row(name, results)
-            row(f'{name}, no height', results, [0, 1, 3, 4, 5])
+            row(f'{name}, no height', results, WITHOUT_HEIGHT)
         return
     for drive in o.drives:
         row(Path(drive).name, list(registered(pairs_of(drive, o.pairs // len(o.drives)))))

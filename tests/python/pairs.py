@@ -10,6 +10,14 @@ DRIVEN_BETWEEN = 50
 CHANGE = np.r_[0.0125, 0.007, 0.004, np.radians([0.11, 0.13, 0.075])]
 """Change of a car's motion between two scans, 0.1 s apart: standard deviations (t, w) of the poses of KITTI 01 to 10 [m, rad]."""
 
+WITHOUT_HEIGHT = [0, 1, 3, 4, 5]
+"""Degrees of freedom by which revisits of NCLT are judged, because heights of its ground truth differ between visits."""
+
+
+def as_they_are(points, rng):
+    """For scans of a real drive, in the place of distorted()."""
+    return points
+
 
 def rotation_vector(R):
     """Rotation vector [rad] of a rotation [3][3] by less than pi."""

@@ -114,7 +114,7 @@ def build(graph, blobs, values, inputs, fixed, float16=False):
                     [values[v] for v in layer.outputs], blobs.get(layer.name, []), fixed)
         names.update(zip(layer.outputs, EMIT[layer.type](g, site)))
     outputs = _name_values(g, graph, names, {i.name for i in declared})
-    fixed = fixed and not {'DetectionOutput', 'Filter', 'YoloDetectionOutput', 'Yolov3DetectionOutput'} & {layer.type for layer in graph.layers}
+    fixed = fixed and not {'Filter', *detections.EMIT} & {layer.type for layer in graph.layers}  # the number of rows varies
     results = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shapes[value] if fixed else [None] * len(shapes[value]))
                for name, value in outputs]
     tensors, casts = g.initializers(float16)
